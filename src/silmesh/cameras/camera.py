@@ -1,0 +1,201 @@
+"""The one camera convention: pinhole cameras, how they project, and ``cameras.json``.
+
+Camera   OpenCV: x right, y down, z forward. A world point X is seen at the pixel (u, v) with
+         z (u, v, 1) = K (R X + t). Pixel centres lie at integer + 0.5 (COLMAP's convention).
+World    right-handed, y up. The first mesh and the fit live in a world that is normalised so
+         that the object lies in the sphere of radius 0.5 about the origin.
+
+                 y                      +-----------> u (width)
+                 |                      | .(0.5, 0.5) is the first pixel's centre
+                 o--- x                 |
+                /                       v
+               z                        (height)
+
+SoftRas's ``look_at`` is left-handed: its world is the mirror image (z negated) of this one. The
+conversion is in ``silmesh.cameras.turntable`` and nowhere else.
+"""
+
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from silmesh.errors import InputError
+from silmesh.files import replacing
+
+OBJECT_RADIUS = 0.5  # of the sphere about the origin that holds the object in the normalised world
+
+
+@dataclass(frozen=True)
+class Cameras:
+    """The cameras of all views of an object, in one order.
+
+    Attributes:
+        views: name of each view, the stem of its photograph
+        sizes: [views, 2] int64, width and height in pixels
+        K: [views, 3, 3] float64, intrinsics in pixels
+        R: [views, 3, 3] float64, rotation from world to camera
+        t: [views, 3] float64, translation from world to camera
+    """
+
+    views: tuple[str, ...]
+    sizes: Tensor
+    K: Tensor
+    R: Tensor
+    t: Tensor
+
+    def __len__(self) -> int:
+        return len(self.views)
+
+    @property
+    def centres(self) -> Tensor:
+        """Where the cameras stand in the world: [views, 3]."""
+        return -(self.R.mT @ self.t.unsqueeze(-1)).squeeze(-1)
+
+    def project(self, verts: Tensor) -> Tensor:
+        """Project world points into every view.
+
+        Args:
+            verts: [verts, 3] in the world
+        Returns:
+            [views, verts, 2] pixels, x right and y down, of the dtype and on the device of
+            ``verts``. A point that is not in front of a camera is NaN in that view, which leaves
+            its faces out of the rendering, and passes no gradient.
+        """
+        P = (self.K @ torch.cat([self.R, self.t.unsqueeze(-1)], dim=-1)).to(verts)
+        seen = verts @ P[:, :, :3].mT + P[:, None, :, 3]
+        depth = seen[..., 2:]
+        in_front = depth > 0
+        points = seen[..., :2] / torch.where(in_front, depth, 1)
+        return torch.where(in_front, points, math.nan)
+
+    def depths(self, verts: Tensor) -> Tensor:
+        """Distance of world points along each camera's axis: [views, verts]."""
+        return self.R[:, 2].to(verts) @ verts.mT + self.t[:, 2:].to(verts)
+
+    def select(self, index: Sequence[int]) -> "Cameras":
+        """Only the views at these positions, in this order."""
+        index = list(index)
+        return Cameras(
+            tuple(self.views[i] for i in index),
+            self.sizes[index],
+            self.K[index],
+            self.R[index],
+            self.t[index],
+        )
+
+    def in_pixels_of(self, maps: Tensor, sizes: Tensor) -> "Cameras":
+        """The same cameras for images that were scaled and shifted.
+
+        Args:
+            maps: [views, 3, 3] from homogeneous pixels of the old images to those of the new
+            sizes: [views, 2] width and height of the new images
+        """
+        return replace(self, sizes=sizes, K=maps.to(self.K) @ self.K)
+
+    def in_world_of(self, similarity: "Similarity") -> "Cameras":
+        """The same cameras seen from a world that was shifted and scaled.
+
+        A point X of the old world is s (X - c) in the new one, so R X + t becomes, up to the
+        scale s that no image shows, R X' + s (R c + t).
+        """
+        c = similarity.centre.to(self.R)
+        return replace(self, t=similarity.scale * (self.R @ c + self.t))
+
+
+@dataclass(frozen=True)
+class Similarity:
+    """From the input's own world to the normalised one: X' = scale (X - centre)."""
+
+    centre: Tensor  # [3] float64
+    scale: float
+
+    @staticmethod
+    def identity() -> "Similarity":
+        """Leave the world as it is."""
+        return Similarity(torch.zeros(3, dtype=torch.float64), 1.0)
+
+    def apply(self, verts: Tensor) -> Tensor:
+        """Points [n, 3] of the input's world, in the normalised one."""
+        return (verts - self.centre.to(verts)) * self.scale
+
+    def undo(self, verts: Tensor) -> Tensor:
+        """Points [n, 3] of the normalised world, in the input's own."""
+        return verts / self.scale + self.centre.to(verts)
+
+
+def write_cameras(path: Path | str, cameras: Cameras) -> None:
+    """Write ``cameras.json``: a list of ``{view, width, height, K, R, t}``."""
+    rows = [
+        {
+            "view": view,
+            "width": int(cameras.sizes[i, 0]),
+            "height": int(cameras.sizes[i, 1]),
+            "K": cameras.K[i].tolist(),
+            "R": cameras.R[i].tolist(),
+            "t": cameras.t[i].tolist(),
+        }
+        for i, view in enumerate(cameras.views)
+    ]
+    with replacing(path) as part:
+        part.write_text("[\n" + ",\n".join(json.dumps(row) for row in rows) + "\n]\n")
+
+
+def read_cameras(path: Path | str) -> Cameras:
+    """Read ``cameras.json``.
+
+    Raises:
+        InputError: the file is not such a list, a matrix has another shape or is not a rotation,
+            a view comes twice
+    """
+    try:
+        rows = json.loads(Path(path).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise InputError(f"{path}: cannot be read as JSON: {error}") from error
+    if not isinstance(rows, list) or not rows:
+        raise InputError(
+            f"{path}: should be a list of {{view, width, height, K, R, t}}, one for each photograph"
+        )
+    cameras = [_parse_row(row, f"{path}: camera {i}") for i, row in enumerate(rows)]
+    views = [view for view, *_ in cameras]
+    if twice := sorted({view for view in views if views.count(view) > 1}):
+        raise InputError(f"{path}: view {twice[0]!r} comes twice; each view has one camera")
+    sizes, K, R, t = (torch.stack(part) for part in list(zip(*cameras, strict=True))[1:])
+    return Cameras(tuple(views), sizes, K, R, t)
+
+
+def _parse_row(row: object, where: str) -> tuple[str, Tensor, Tensor, Tensor, Tensor]:
+    """One camera of ``cameras.json``, checked: view, size, K, R, t."""
+    if not isinstance(row, dict):
+        raise InputError(f"{where}: should be an object with view, width, height, K, R and t")
+    for key in ("view", "width", "height", "K", "R", "t"):
+        if key not in row:
+            raise InputError(f"{where}: {key!r} is missing")
+    where = f"{where} ({row['view']})"
+    K = _parse_array(row["K"], (3, 3), f"{where}: K")
+    R = _parse_array(row["R"], (3, 3), f"{where}: R")
+    t = _parse_array(row["t"], (3,), f"{where}: t")
+    size = _parse_array([row["width"], row["height"]], (2,), f"{where}: width and height")
+    if size.min() < 1:
+        raise InputError(f"{where}: width and height should be at least 1, not {size.tolist()}")
+    if not torch.allclose(R @ R.mT, torch.eye(3, dtype=R.dtype), atol=1e-4) or R.det() < 0:
+        raise InputError(f"{where}: R should be a rotation (R R^T = 1, det R = +1)")
+    if K[0, 0] <= 0 or K[1, 1] <= 0 or not torch.equal(K[2], K.new_tensor([0, 0, 1])):
+        raise InputError(f"{where}: K should be [[fx, s, cx], [0, fy, cy], [0, 0, 1]], fx, fy > 0")
+    return str(row["view"]), size.long(), K, R, t
+
+
+def _parse_array(value: object, shape: tuple[int, ...], where: str) -> Tensor:
+    try:
+        array = torch.tensor(value, dtype=torch.float64)
+    except (TypeError, ValueError, RuntimeError) as error:
+        raise InputError(f"{where} should be numbers of shape {list(shape)}: {error}") from error
+    if array.shape != shape or not array.isfinite().all():
+        raise InputError(
+            f"{where} should be finite numbers of shape {list(shape)}, not {list(array.shape)}"
+        )
+    return array
