@@ -123,9 +123,10 @@ class Similarity:
         """Points [n, 3] of the input's world, in the normalised one."""
         return (verts - self.centre.to(verts)) * self.scale
 
-    def undo(self, verts: Tensor) -> Tensor:
-        """Points [n, 3] of the normalised world, in the input's own."""
-        return verts / self.scale + self.centre.to(verts)
+    @property
+    def inverse(self) -> "Similarity":
+        """From the normalised world back: X = X' / s + c = (X' + s c) / s."""
+        return Similarity(-self.scale * self.centre, 1 / self.scale)
 
 
 def write_cameras(path: Path | str, cameras: Cameras) -> None:

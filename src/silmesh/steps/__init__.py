@@ -1,1 +1,4 @@
-"""What the workflow's rules call: parse, load, call one function, save."""
+"""What the workflow's rules call: parse, load, call one function, save.
+
+Every step runs by itself: ``python -m silmesh.steps.fit --help``.
+"""

@@ -1,0 +1,224 @@
+"""The dataset list: a tab-separated table with one row an object, checked before any work."""
+
+import csv
+import difflib
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import get_args
+
+from silmesh import synthetic
+from silmesh.config import NAME, SilhouetteSource
+from silmesh.errors import InputError
+from silmesh.views import count_array_views, find_images, match_masks
+
+REQUIRED = ("object", "images", "silhouettes", "cameras")
+OPTIONAL = ("masks", "turntable", "truth", "variants")
+COLUMNS = REQUIRED + OPTIONAL
+RESERVED = "report"  # a folder of results/
+FEWEST_VIEWS = 2
+
+
+@dataclass(frozen=True)
+class Turntable:
+    """A turntable whose geometry is known.
+
+    Attributes:
+        distance: of the camera from the origin, in scene units
+        elevation: of the camera above the table, in degrees
+        step: turn from one view to the next, in degrees
+    """
+
+    distance: float
+    elevation: float
+    step: float
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """An object: a row of the table, with its paths resolved.
+
+    Attributes:
+        where: file and line, for messages
+        object: its name
+        images: the photographs in natural order, or one SoftRas ``.npy``
+        masks: the mask of each photograph, or none
+        silhouettes, cameras: where they come from; a ``file:`` path is resolved
+        turntable: its geometry, if given
+        truth: the true mesh, if given
+        variants: the experiments that it runs; empty for all
+    """
+
+    where: str
+    object: str
+    images: tuple[Path, ...]
+    masks: tuple[Path, ...]
+    silhouettes: str
+    cameras: str
+    turntable: Turntable | None
+    truth: Path | None
+    variants: tuple[str, ...]
+
+
+def read_datasets(table: Path) -> list[Dataset]:
+    """Read the dataset list.
+
+    Raises:
+        InputError: it cannot be read, lacks a column or a value, names an object twice, or names
+            something that is not there; every message names the file and the line
+    """
+    rows = _read_rows(table)
+    lines: dict[str, int] = {}
+    for line, row in rows:
+        name = row["object"]
+        if name in lines:
+            raise InputError(
+                f"{table}, line {line}: object {name!r} is also on line {lines[name]}; "
+                "each object has one row"
+            )
+        lines[name] = line
+    return [_parse_row(table, line, row) for line, row in rows]
+
+
+def _read_rows(table: Path) -> list[tuple[int, dict[str, str]]]:
+    """The table's rows with their line numbers; every known column is there in each."""
+    try:
+        with open(table, encoding="utf-8-sig", newline="") as file:
+            lines = list(csv.reader(file, delimiter="\t"))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{table}: cannot be read as a tab-separated table: {error}") from error
+    header = [name.strip() for name in lines[0]] if lines else []
+    _check_header(table, header)
+    rows = []
+    for number, cells in enumerate(lines[1:], start=2):
+        if not any(cell.strip() for cell in cells):
+            continue
+        if len(cells) > len(header):
+            raise InputError(
+                f"{table}, line {number}: has {len(cells)} cells under {len(header)} columns; "
+                "cells are separated by one tab each"
+            )
+        row = dict.fromkeys(COLUMNS, "")
+        rows.append((number, row | {k: c.strip() for k, c in zip(header, cells, strict=False)}))
+    if not rows:
+        raise InputError(f"{table}: has no row; each object to fit has one")
+    return rows
+
+
+def _check_header(table: Path, header: list[str]) -> None:
+    for name in REQUIRED:
+        if name not in header:
+            raise InputError(
+                f"{table}: column {name!r} is missing; the columns are {', '.join(COLUMNS)} "
+                f"(separated by tabs), of which {', '.join(REQUIRED)} are needed. "
+                f"Found: {', '.join(header) or 'none'}"
+            )
+    for name in header:
+        near = difflib.get_close_matches(name, COLUMNS, n=1, cutoff=0.75)
+        if name not in COLUMNS and near:
+            raise InputError(f"{table}: unknown column {name!r}; did you mean {near[0]!r}?")
+        if header.count(name) > 1:
+            raise InputError(f"{table}: column {name!r} comes twice")
+
+
+def _parse_row(table: Path, line: int, row: Mapping[str, str]) -> Dataset:
+    where = f"{table}, line {line}"
+    name = row["object"]
+    if not re.fullmatch(NAME, name) or name == RESERVED:
+        raise InputError(
+            f"{where}: object {name!r} should be made of letters, digits, '_' and '-', "
+            f"and not be {RESERVED!r}"
+        )
+    where += f" ({name})"
+    try:
+        images = _find_images(table, row["images"])
+        masks = _find_masks(table, row["masks"], images)
+        cameras = resolve_cameras(table, row["cameras"])
+        return Dataset(
+            where=where,
+            object=name,
+            images=images,
+            masks=masks,
+            silhouettes=_parse_silhouettes(row["silhouettes"]),
+            cameras=cameras,
+            turntable=_parse_turntable(row["turntable"]) if row["turntable"] else None,
+            truth=_find_truth(table, row["truth"]) if row["truth"] else None,
+            variants=tuple(v.strip() for v in row["variants"].split(",") if v.strip()),
+        )
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
+
+
+def _beside(table: Path, path: str) -> Path:
+    """A path of the table, which is relative to the table itself."""
+    return Path(os.path.normpath(table.parent / Path(path).expanduser()))
+
+
+def _find_images(table: Path, cell: str) -> tuple[Path, ...]:
+    if not cell:
+        raise InputError("images: is empty; should be a folder, a glob or a SoftRas .npy")
+    path = _beside(table, cell)
+    if made := synthetic.expected_files(path):
+        return made
+    if path.suffix != ".npy":
+        images = tuple(find_images(path))
+        count = len(images)
+    else:
+        images, count = (path,), count_array_views(path)
+    if count < FEWEST_VIEWS:
+        raise InputError(f"{path}: holds {count} photograph; a fit needs at least {FEWEST_VIEWS}")
+    return images
+
+
+def _find_masks(table: Path, cell: str, images: tuple[Path, ...]) -> tuple[Path, ...]:
+    if not cell:
+        return ()
+    path = _beside(table, cell)
+    if images[0].suffix == ".npy":
+        raise InputError(f"masks: {path}: an array of images has its masks in its alpha channel")
+    masks = synthetic.expected_files(path) or find_images(path)
+    return tuple(match_masks(images, masks))
+
+
+def _parse_silhouettes(cell: str) -> str:
+    known = get_args(SilhouetteSource)
+    if cell not in known:
+        raise InputError(f"silhouettes: should be one of {', '.join(known)}, not {cell!r}")
+    return cell
+
+
+def resolve_cameras(table: Path, cell: str) -> str:
+    """Check where cameras come from, and make the path of ``file:<path>`` one from here."""
+    if cell == "turntable":
+        return cell
+    kind, _, name = cell.partition(":")
+    if kind != "file" or not name:
+        raise InputError(f"cameras: should be 'turntable' or 'file:<path>', not {cell!r}")
+    path = _beside(table, name)
+    if not path.exists():
+        raise InputError(f"cameras: {path}: is not there")
+    return f"file:{path}"
+
+
+def _parse_turntable(cell: str) -> Turntable:
+    try:
+        distance, elevation, step = (float(part) for part in cell.split(","))
+    except ValueError as error:
+        raise InputError(
+            f"turntable: should be distance,elevation,step, for example 2.732,0,5, not {cell!r}"
+        ) from error
+    if not (0 < distance < float("inf") and -90 <= elevation <= 90 and 0 < abs(step) <= 360):
+        raise InputError(
+            f"turntable: {cell!r}: should have a positive distance, an elevation of -90 to 90 "
+            "degrees, and a step of at most 360 degrees that is not 0"
+        )
+    return Turntable(distance, elevation, step)
+
+
+def _find_truth(table: Path, cell: str) -> Path:
+    path = _beside(table, cell)
+    if not synthetic.is_expected(path) and not path.is_file():
+        raise InputError(f"truth: {path}: is not there")
+    return path

@@ -1,0 +1,113 @@
+"""How good a mesh is: IoU with the silhouettes, coherence of silhouettes with cameras, and 3D."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+import trimesh
+from scipy.spatial import cKDTree
+from torch import Tensor
+
+from silmesh.cameras.camera import Cameras
+from silmesh.hull import Hull
+from silmesh.softras import soft_silhouettes
+
+SAMPLES = 50_000  # points on each surface
+VOLUME_SAMPLES = 100_000  # points in the box about both bodies
+F_SCORE_DISTANCE = 0.01  # of the diagonal of the truth's bounding box
+CHUNK = 16  # views rendered at once
+
+
+def silhouette_iou(
+    verts: Tensor, faces: Tensor, cameras: Cameras, silhouettes: np.ndarray, sigma: float
+) -> np.ndarray:
+    """IoU of the rendered alpha, thresholded at 0.5, with each silhouette.
+
+    Args:
+        verts: [verts, 3] in the cameras' world
+        faces: [faces, 3]
+        silhouettes: [views, height, width] bool
+        sigma: softness of the rendering, as in the fit
+    Returns:
+        [views]
+    """
+    size = silhouettes.shape[1:]
+    iou = []
+    for first in range(0, len(cameras), CHUNK):
+        part = range(first, min(first + CHUNK, len(cameras)))
+        with torch.no_grad():
+            points = cameras.select(part).project(verts)
+            rendered = (soft_silhouettes(points, faces, size, sigma=sigma) > 0.5).numpy()
+        truth = silhouettes[part.start : part.stop]
+        both = (rendered & truth).sum(axis=(1, 2))
+        either = (rendered | truth).sum(axis=(1, 2))
+        iou.append(both / np.maximum(either, 1))
+    return np.concatenate(iou)
+
+
+def coherence(hull: Hull, cameras: Cameras, silhouettes: np.ndarray) -> np.ndarray:
+    """IoU of the visual hull, rendered almost sharply, with each silhouette: [views].
+
+    It is no ceiling for a mesh, which may overstep a silhouette. But where it is low, the cameras
+    and the silhouettes contradict each other, and no mesh will do well. An empty hull has 0.
+    """
+    if hull.empty:
+        return np.zeros(len(cameras))
+    verts, faces = hull.surface()
+    return silhouette_iou(
+        torch.as_tensor(verts.copy(), dtype=torch.float32),
+        torch.as_tensor(faces.astype(np.int64)),
+        cameras,
+        silhouettes,
+        sigma=1e-6,
+    )
+
+
+def compare_to_truth(mesh: trimesh.Trimesh, truth: trimesh.Trimesh) -> dict[str, float]:
+    """Compare a mesh with the true one, in the same frame.
+
+    Returns:
+        ``chamfer``: mean distance from a point of one surface to the nearest sampled point of the
+        other, averaged over both directions, in units of the frame; ``f_score``: harmonic mean of
+        the shares of points within 1 % of the truth's diagonal; ``volume_iou``: of the two solids,
+        by points in the box about both; ``normal_consistency``: mean absolute cosine between the
+        normals at nearest points, over both directions
+    """
+    points, normals = zip(*(_sample_surface(m) for m in (mesh, truth)), strict=True)
+    near = F_SCORE_DISTANCE * float(np.linalg.norm(truth.extents))
+    distances, cosines = [], []
+    for here, there in ((0, 1), (1, 0)):
+        distance, nearest = cKDTree(points[there]).query(points[here])
+        distances.append(distance)
+        cosines.append(np.abs((normals[here] * normals[there][nearest]).sum(axis=1)).mean())
+    precision, recall = ((distance < near).mean() for distance in distances)
+    return {
+        "chamfer": float(np.mean([distance.mean() for distance in distances])),
+        "f_score": float(2 * precision * recall / max(precision + recall, 1e-12)),
+        "volume_iou": _volume_iou(mesh, truth),
+        "normal_consistency": float(np.mean(cosines)),
+    }
+
+
+def _sample_surface(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
+    """Points spread evenly at random over a surface, and the normals there."""
+    points, faces = trimesh.sample.sample_surface(mesh, SAMPLES, seed=0)
+    return points, mesh.face_normals[faces]
+
+
+def _volume_iou(*meshes: trimesh.Trimesh) -> float:
+    corners = np.stack([mesh.bounds for mesh in meshes])
+    low, high = corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
+    points = np.random.default_rng(0).uniform(low, high, (VOLUME_SAMPLES, 3))
+    here, there = (mesh.contains(points) for mesh in meshes)
+    return float((here & there).sum() / max((here | there).sum(), 1))
+
+
+def summarise_iou(iou: np.ndarray, held_out: Sequence[int]) -> dict[str, float | None]:
+    """Mean and least over the fitted views, mean over the held-out ones (None without)."""
+    fitted = np.delete(iou, list(held_out))
+    return {
+        "iou_mean": float(fitted.mean()),
+        "iou_min": float(fitted.min()),
+        "iou_holdout": float(iou[list(held_out)].mean()) if len(held_out) else None,
+    }

@@ -1,0 +1,1 @@
+"""The fit: a mesh's parameters moved by Adam until its soft silhouettes match the given ones."""

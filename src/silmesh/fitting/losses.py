@@ -1,0 +1,105 @@
+"""What the fit minimises: the soft IoU's complement, the Laplacian and the flatten term."""
+
+import torch
+from torch import Tensor
+
+EPS = 1e-6
+
+
+def iou_loss(alpha: Tensor, silhouettes: Tensor) -> Tensor:
+    """1 - mean over the views of sum(p t) / (sum(p + t - p t) + 1e-6).
+
+    Args:
+        alpha: [views, height, width], rendered
+        silhouettes: [views, height, width], 0 or 1
+    """
+    p, t = alpha.flatten(1), silhouettes.flatten(1)
+    both = torch.linalg.vecdot(p, t)
+    either = p.sum(1) + t.sum(1) - both
+    return 1 - (both / (either + EPS)).mean()
+
+
+class Laplacian:
+    """Sum over the vertices of |v - mean of v's neighbours|^2.
+
+    Args:
+        faces: [faces, 3] of a mesh in which every vertex has a neighbour
+        verts: how many vertices it has
+    """
+
+    def __init__(self, faces: Tensor, verts: int):
+        edges = unique_edges(faces)
+        both_ways = torch.cat([edges, edges.flip(1)])
+        degree = torch.bincount(both_ways[:, 0], minlength=verts)
+        self._from, self._to = both_ways.unbind(1)
+        self._weight = (1 / degree)[self._from].unsqueeze(1)
+
+    def __call__(self, verts: Tensor) -> Tensor:
+        """The loss of vertices [verts, 3]."""
+        neighbours = verts[self._to] * self._weight.to(verts)
+        mean = torch.zeros_like(verts).index_add(0, self._from, neighbours)
+        return (verts - mean).square().sum()
+
+
+class Flatten:
+    """Sum over the edges of (cos + 1)^2, with the angle between the faces about the edge.
+
+    For the edge ab of the triangles abc and abd, the angle is that between c and d seen along
+    the edge, so a flat pair has cos = -1 and no loss (SoftRas's flatten loss):
+
+          c
+         / \\
+        a---b
+         \\ /
+          d
+
+    Args:
+        faces: [faces, 3] of a mesh whose edges each have two faces; others are left out
+    """
+
+    def __init__(self, faces: Tensor):
+        self._corners = edge_diamonds(faces).unbind(1)
+
+    def __call__(self, verts: Tensor) -> Tensor:
+        """The loss of vertices [verts, 3]."""
+        a, b, c, d = (verts[i] for i in self._corners)
+        (across_c, length_c), (across_d, length_d) = _across(b - a, c - a), _across(b - a, d - a)
+        cos = torch.linalg.vecdot(across_c, across_d) / (length_c * length_d + EPS)
+        return (cos + 1).square().sum()
+
+
+def _across(along: Tensor, side: Tensor) -> tuple[Tensor, Tensor]:
+    """The part of ``side`` at right angles to ``along``, [edges, 3], and its length, [edges].
+
+    The length is |side| sin(angle) with SoftRas's small terms, which keep the gradient of a
+    collapsed triangle finite.
+    """
+    dot = torch.linalg.vecdot(along, side)
+    along2, side2 = along.square().sum(-1), side.square().sum(-1)
+    cos = dot / ((along2 + EPS).sqrt() * (side2 + EPS).sqrt() + EPS)
+    length = (side2 + EPS).sqrt() * (1 - cos.square() + EPS).sqrt()
+    return side - along * (dot / (along2 + EPS)).unsqueeze(-1), length
+
+
+def unique_edges(faces: Tensor) -> Tensor:
+    """Every edge once: [edges, 2], the lower index first."""
+    ends = torch.cat([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    return ends.sort(dim=1).values.unique(dim=0)
+
+
+def edge_diamonds(faces: Tensor) -> Tensor:
+    """The four corners a, b, c, d about every edge ab that two triangles abc and abd share.
+
+    Args:
+        faces: [faces, 3]
+    Returns:
+        [edges, 4]
+    """
+    around = torch.cat([faces, faces.roll(-1, dims=1), faces.roll(-2, dims=1)])  # a, b, opposite
+    ends = around[:, :2].sort(dim=1).values
+    edges, which, count = ends.unique(dim=0, return_inverse=True, return_counts=True)
+    order = which.argsort(stable=True)
+    first = count.cumsum(0) - count
+    shared = count == 2
+    c, d = (around[order[first[shared] + i], 2] for i in (0, 1))
+    return torch.cat([edges[shared], c.unsqueeze(1), d.unsqueeze(1)], dim=1)

@@ -1,0 +1,155 @@
+"""What a run makes: every object with every variant, and the stages that variants share.
+
+A stage's folder is named by all that it depends on, so two variants that agree up to a stage
+share it:
+
+    results/<object>/stages/views/256-pad/
+                            silhouettes/256-pad-mask/
+                            cameras/256-pad-turntable.json
+                            scenes/256-pad-mask-turntable/
+                            first/256-pad-mask-turntable-sphere-1352-bbox.ply
+    results/<object>/<variant>/
+
+This module is read by the Snakefile each time, so it imports nothing heavy.
+"""
+
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from silmesh.config import Config, Fit, Init, Variant, Views, parse_config
+from silmesh.datasets import Dataset, Turntable, read_datasets, resolve_cameras
+from silmesh.errors import InputError
+
+
+@dataclass(frozen=True)
+class Run:
+    """One object with one variant, everything decided."""
+
+    dataset: Dataset
+    variant: str
+    views: Views
+    silhouettes: str
+    cameras: str
+    init: Init
+    fit: Fit
+
+    @property
+    def views_key(self) -> str:
+        """Names the working images."""
+        return f"{self.views.size}-{self.views.resize}"
+
+    @property
+    def silhouettes_key(self) -> str:
+        """Names the silhouettes."""
+        return f"{self.views_key}-{self.silhouettes}"
+
+    @property
+    def cameras_key(self) -> str:
+        """Names the cameras; a file by a short digest of its path."""
+        return f"{self.views_key}-{self._cameras_name}"
+
+    @property
+    def scene_key(self) -> str:
+        """Names silhouettes and cameras together."""
+        return f"{self.silhouettes_key}-{self._cameras_name}"
+
+    @property
+    def first_key(self) -> str:
+        """Names the first mesh."""
+        init = self.init
+        return f"{self.scene_key}-{init.shape}-{init.vertices}-{init.align}"
+
+    @property
+    def masks(self) -> tuple[Path, ...]:
+        """The mask files that the silhouettes are read from, if they are."""
+        return self.dataset.masks if self.silhouettes == "mask" else ()
+
+    @property
+    def camera_file(self) -> Path | None:
+        """The file that the cameras are read from, if they are."""
+        kind, _, path = self.cameras.partition(":")
+        return Path(path) if kind == "file" else None
+
+    @property
+    def turntable(self) -> Turntable | None:
+        """The turntable's geometry, if the cameras are made from it."""
+        return self.dataset.turntable if self.cameras == "turntable" else None
+
+    @property
+    def keeps_world(self) -> bool:
+        """Whether the cameras' world is normalised by its definition.
+
+        A turntable's distances and SoftRas's are in units in which the object has about size 1.
+        """
+        return self.cameras == "turntable" or self.cameras.endswith(".npy")
+
+    @property
+    def _cameras_name(self) -> str:
+        if self.camera_file is None:
+            return self.cameras
+        return f"file_{zlib.crc32(self.cameras.encode()):08x}"
+
+
+class Plan:
+    """All runs of a configuration, found again by the names in their paths.
+
+    Args:
+        values: the configuration, as read from YAML
+        where: the file that it came from, for messages
+
+    Raises:
+        InputError: the configuration, the table or what it names cannot be used
+    """
+
+    def __init__(self, values: Mapping[str, Any], where: str):
+        self.config = parse_config(values, where)
+        datasets = read_datasets(self.config.datasets)
+        self.runs = [run for dataset in datasets for run in _runs_of(dataset, self.config, where)]
+
+    def run(self, object_: str, variant: str) -> Run:
+        """The run of an object with a variant."""
+        return self._first(object_, lambda run: run.variant == variant)
+
+    def with_key(self, object_: str, stage: str, key: str) -> Run:
+        """A run of this object whose stage (``views``, ``silhouettes``, ...) has this key."""
+        return self._first(object_, lambda run: getattr(run, f"{stage}_key") == key)
+
+    def _first(self, object_: str, suits: Any) -> Run:
+        for run in self.runs:
+            if run.dataset.object == object_ and suits(run):
+                return run
+        raise InputError(f"object {object_!r}: no variant of the configuration makes this")
+
+
+def _runs_of(dataset: Dataset, config: Config, where: str) -> list[Run]:
+    for name in dataset.variants:
+        if name not in config.variants:
+            raise InputError(
+                f"{dataset.where}: variants: {name!r} is not in {where}, "
+                f"which has {', '.join(config.variants)}"
+            )
+    names = dataset.variants or config.variants
+    return [_decide(dataset, name, config.variants[name], config) for name in names]
+
+
+def _decide(dataset: Dataset, name: str, variant: Variant, config: Config) -> Run:
+    """An object's run with a variant: the variant's word, else the row's, else the run's."""
+    views = config.views.model_copy(update=variant.views.model_dump(exclude_none=True))
+    cameras = dataset.cameras
+    if variant.cameras:
+        cameras = resolve_cameras(config.datasets, variant.cameras)
+    silhouettes = variant.silhouettes or dataset.silhouettes
+    if silhouettes == "mask" and not dataset.masks:
+        raise InputError(
+            f"{dataset.where}: silhouettes are 'mask' (variant {name!r}), but masks is empty; "
+            "should be a folder or a glob of mask files"
+        )
+    if cameras == "turntable" and dataset.turntable is None:
+        raise InputError(
+            f"{dataset.where}: cameras are 'turntable' (variant {name!r}), but turntable is empty; "
+            "should be distance,elevation,step, for example 2.732,0,5"
+        )
+    return Run(dataset, name, views, silhouettes, cameras, variant.init, variant.fit)

@@ -1,0 +1,96 @@
+"""Silhouettes and cameras together: the normalised world, and how well the two agree."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from silmesh.cameras.camera import (
+    OBJECT_RADIUS,
+    Cameras,
+    Similarity,
+    read_cameras,
+    write_cameras,
+)
+from silmesh.errors import InputError
+from silmesh.files import replacing
+
+
+def normalising(cameras: Cameras, silhouettes: np.ndarray) -> Similarity:
+    """The shift and scale that bring the object into the sphere of radius 0.5 at the origin.
+
+    The centre is where the rays through the middles of the silhouettes' bounding boxes meet, by
+    least squares; the radius is the furthest that any silhouette reaches from it.
+
+    Args:
+        cameras: in the input's world
+        silhouettes: [views, height, width] bool
+
+    Raises:
+        InputError: the rays are parallel, or the object would be behind a camera
+    """
+    points = [torch.as_tensor(np.argwhere(s)[:, ::-1] + 0.5) for s in silhouettes]
+    middles = torch.stack([(p.min(0).values + p.max(0).values) / 2 for p in points])
+    centre = _meet(cameras, middles)
+    depth = cameras.depths(centre.unsqueeze(0)).squeeze(1)
+    if not (depth > 0).all():
+        view = cameras.views[int(depth.argmin())]
+        raise InputError(
+            f"view {view!r}: the object would lie behind its camera; the cameras and the "
+            "silhouettes should be of the same photographs"
+        )
+    projected = cameras.project(centre.unsqueeze(0)).squeeze(1)
+    reach = torch.stack([(p - c).norm(dim=1).max() for p, c in zip(points, projected, strict=True)])
+    radius = (reach * depth / cameras.K[:, 0, 0]).max()
+    return Similarity(centre, float(OBJECT_RADIUS / radius))
+
+
+def _meet(cameras: Cameras, pixels: Tensor) -> Tensor:
+    """The point closest to the rays through one pixel [views, 2] of each view: [3].
+
+    It solves sum_i (1 - d_i d_i^T) (x - c_i) = 0 for rays from c_i along the unit vectors d_i.
+    """
+    homogeneous = torch.cat([pixels, torch.ones_like(pixels[:, :1])], dim=1)
+    seen = torch.linalg.solve(cameras.K, homogeneous)
+    along = torch.nn.functional.normalize((cameras.R.mT @ seen.unsqueeze(-1)).squeeze(-1), dim=1)
+    across = torch.eye(3, dtype=along.dtype) - along.unsqueeze(2) * along.unsqueeze(1)
+    left = across.sum(0)
+    if torch.linalg.eigvalsh(left)[0] < 1e-6 * len(cameras):
+        raise InputError("the cameras all look along one line; views from several sides are needed")
+    return torch.linalg.solve(left, (across @ cameras.centres.unsqueeze(-1)).sum(0).squeeze(-1))
+
+
+def refuse_camera_inside(cameras: Cameras) -> None:
+    """Refuse a camera within the sphere of the normalised world that holds the object."""
+    distance = cameras.centres.norm(dim=1)
+    nearest = int(distance.argmin())
+    if distance[nearest] <= OBJECT_RADIUS:
+        raise InputError(
+            f"the camera of view {cameras.views[nearest]!r} stands inside the object: "
+            f"{distance[nearest]:.3g} from its middle, when the object reaches {OBJECT_RADIUS}"
+        )
+
+
+def write_scene(
+    folder: Path, cameras: Cameras, similarity: Similarity, coherence: np.ndarray
+) -> None:
+    """Write ``cameras.json`` (normalised) and ``scene.json`` (the transform, the agreement)."""
+    scene = {
+        "centre": similarity.centre.tolist(),
+        "scale": similarity.scale,
+        "hull_iou_mean": float(coherence.mean()),
+        "hull_iou": dict(zip(cameras.views, coherence.tolist(), strict=True)),
+    }
+    with replacing(folder) as part:
+        part.mkdir()
+        write_cameras(part / "cameras.json", cameras)
+        (part / "scene.json").write_text(json.dumps(scene, indent=1) + "\n")
+
+
+def read_scene(folder: Path) -> tuple[Cameras, Similarity, dict]:
+    """The normalised cameras, the transform into their world, and all of ``scene.json``."""
+    scene = json.loads((folder / "scene.json").read_text())
+    centre = torch.tensor(scene["centre"], dtype=torch.float64)
+    return read_cameras(folder / "cameras.json"), Similarity(centre, scene["scale"]), scene

@@ -1,0 +1,73 @@
+"""Silhouettes: which pixels of each working image show the object, from one of several sources.
+
+A source is a module with ``find(image, view, mask)``: the working image (RGB, or RGBA if the
+photograph has an alpha channel), its ``View``, and the path of its mask file or None. It gives
+[size, size] bool. On disk a silhouette is what the report defines: RGBA, alpha 255 and grey 124
+on the object, zero elsewhere.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from silmesh.errors import InputError
+from silmesh.files import replacing
+from silmesh.silhouettes import alpha, mask, threshold
+from silmesh.views import View
+
+SOURCES = {"mask": mask.find, "alpha": alpha.find, "threshold": threshold.find}
+GREY = 124
+
+
+def write_silhouettes(
+    source: str, views: Sequence[View], images: Path, masks: Sequence[Path], folder: Path
+) -> None:
+    """Find the silhouette of every view and write ``<folder>/<view>.png``.
+
+    Args:
+        source: a key of ``SOURCES``
+        views: the views, in order
+        images: the folder of their working images
+        masks: the views' mask files in the same order, or none
+
+    Raises:
+        InputError: a silhouette is empty or fills its photograph
+    """
+    with replacing(folder) as part:
+        part.mkdir()
+        for i, view in enumerate(views):
+            with Image.open(images / f"{view.view}.png") as image:
+                file = masks[i] if masks else None
+                silhouette = SOURCES[source](image, view, file)
+            _refuse_empty_or_full(silhouette, view, source, file)
+            encode(silhouette).save(part / f"{view.view}.png")
+
+
+def encode(silhouette: np.ndarray) -> Image.Image:
+    """A silhouette, [height, width] bool, as the report's RGBA image."""
+    rgba = np.zeros((*silhouette.shape, 4), np.uint8)
+    rgba[silhouette] = (GREY, GREY, GREY, 255)
+    return Image.fromarray(rgba)
+
+
+def read_silhouettes(folder: Path, views: Sequence[str]) -> np.ndarray:
+    """The silhouettes of these views, [views, height, width] bool."""
+    return np.stack([_decode(folder / f"{view}.png") for view in views])
+
+
+def _decode(path: Path) -> np.ndarray:
+    with Image.open(path) as image:
+        return np.asarray(image.getchannel("A")) > 127
+
+
+def _refuse_empty_or_full(
+    silhouette: np.ndarray, view: View, source: str, file: Path | None
+) -> None:
+    where = f"{file or view.source}: view {view.view!r}, silhouettes from {source!r}:"
+    inside = silhouette[view.top : view.bottom, view.left : view.right]
+    if not inside.any():
+        raise InputError(f"{where} empty; the object should show in every photograph")
+    if inside.all():
+        raise InputError(f"{where} fills the photograph; the background should show around it")

@@ -1,0 +1,38 @@
+"""Make or read the cameras of the working images, in the world that they come in."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from silmesh.cameras.camera import write_cameras
+from silmesh.cameras.formats import cameras_from_file
+from silmesh.cameras.turntable import turntable_cameras
+from silmesh.steps.command import parser, run
+from silmesh.views import read_views
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Parse, load, call, save."""
+    args = parser(__doc__)
+    args.add_argument("--views", type=Path, required=True, help="folder of the working images")
+    source = args.add_mutually_exclusive_group(required=True)
+    source.add_argument(
+        "--turntable",
+        nargs=3,
+        type=float,
+        metavar=("DISTANCE", "ELEVATION", "STEP"),
+        help="in scene units and degrees",
+    )
+    source.add_argument("--file", type=Path, help="camera.npy or cameras.json")
+    args.add_argument("--output", type=Path, required=True, help="cameras.json to write")
+    given = args.parse_args(argv)
+    views = read_views(given.views)
+    if given.file:
+        cameras = cameras_from_file(given.file, views)
+    else:
+        names = [view.view for view in views]
+        cameras = turntable_cameras(names, views[0].size, *given.turntable)
+    write_cameras(given.output, cameras)
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,59 @@
+"""Measure a fitted mesh: IoU with its silhouettes, and in 3D where a truth is given."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import pandas as pd
+import torch
+
+from silmesh.cameras.camera import read_cameras
+from silmesh.evaluation import compare_to_truth, silhouette_iou, summarise_iou
+from silmesh.files import replacing
+from silmesh.meshes import read_mesh, to_tensors
+from silmesh.scene import read_scene
+from silmesh.silhouettes import read_silhouettes
+from silmesh.steps.command import parser, run
+from silmesh.views import held_out
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Parse, load, call, save."""
+    args = parser(__doc__)
+    args.add_argument("--mesh", type=Path, required=True, help="the fitted mesh")
+    args.add_argument("--cameras", type=Path, required=True, help="cameras.json of its world")
+    args.add_argument("--loss", type=Path, required=True, help="loss.csv of its fit")
+    args.add_argument("--silhouettes", type=Path, required=True, help="folder of the silhouettes")
+    args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
+    args.add_argument("--truth", type=Path, help="the true mesh, in the cameras' world")
+    args.add_argument("--holdout", type=int, default=0, help="every n-th view was kept out")
+    args.add_argument("--sigma", type=float, default=1e-4, help="as in the fit")
+    args.add_argument("--threads", type=int, default=torch.get_num_threads())
+    args.add_argument("--results", type=Path, default=Path("results"), help="for relative paths")
+    args.add_argument("--output", type=Path, required=True, help="metrics.json to write")
+    given = args.parse_args(argv)
+    torch.set_num_threads(given.threads)
+
+    cameras, mesh = read_cameras(given.cameras), read_mesh(given.mesh)
+    silhouettes = read_silhouettes(given.silhouettes, cameras.views)
+    iou = silhouette_iou(*to_tensors(mesh), cameras, silhouettes, given.sigma)
+    last = pd.read_csv(given.loss).iloc[-1]
+    metrics = {
+        **summarise_iou(iou, held_out(len(iou), given.holdout)),
+        "hull_iou_mean": read_scene(given.scene)[2]["hull_iou_mean"],
+        "loss_final": float(last["loss"]),
+        "iterations": int(last["iteration"]) + 1,
+        "fit_seconds": float(last["seconds"]),
+        "vertices": len(mesh.vertices),
+        "faces": len(mesh.faces),
+        "silhouettes": given.silhouettes.relative_to(given.results).as_posix(),
+    }
+    if given.truth:
+        metrics |= compare_to_truth(mesh, read_mesh(given.truth))
+    metrics["iou"] = dict(zip(cameras.views, iou.tolist(), strict=True))
+    with replacing(given.output) as part:
+        part.write_text(json.dumps(metrics, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    run(main)

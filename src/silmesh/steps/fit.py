@@ -1,0 +1,72 @@
+"""Fit a first mesh to the silhouettes."""
+
+from collections.abc import Sequence
+from dataclasses import astuple, fields
+from pathlib import Path
+
+import pandas as pd
+import torch
+
+from silmesh.cameras.camera import write_cameras
+from silmesh.files import replacing
+from silmesh.fitting.loop import Record, Settings, fit
+from silmesh.meshes import read_mesh, to_tensors, write_mesh
+from silmesh.progress import Progress
+from silmesh.scene import read_scene
+from silmesh.silhouettes import read_silhouettes
+from silmesh.steps.command import parser, run
+from silmesh.views import held_out
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Parse, load, call, save."""
+    args = parser(__doc__)
+    args.add_argument("--first", type=Path, required=True, help="first mesh, at unit size")
+    args.add_argument("--silhouettes", type=Path, required=True, help="folder of the silhouettes")
+    args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
+    args.add_argument("--iterations", type=int, default=2000)
+    args.add_argument("--learning-rate", type=float, default=0.01)
+    args.add_argument("--betas", type=float, nargs=2, default=(0.5, 0.99))
+    args.add_argument("--sigma", type=float, default=1e-4, help="in squared half-image units")
+    args.add_argument("--laplacian", type=float, default=0.03, help="weight")
+    args.add_argument("--flatten", type=float, default=0.0003, help="weight")
+    args.add_argument("--holdout", type=int, default=0, help="every n-th view is kept out")
+    args.add_argument("--device", choices=["cpu", "cuda", "auto"], default="auto")
+    args.add_argument("--threads", type=int, default=torch.get_num_threads())
+    args.add_argument("--name", default="fit", help="what progress lines call this fit")
+    args.add_argument("--meshes", type=Path, nargs="+", required=True, help="to write: ply, obj...")
+    args.add_argument("--cameras", type=Path, required=True, help="cameras.json to write")
+    args.add_argument("--loss", type=Path, required=True, help="loss.csv to write")
+    given = args.parse_args(argv)
+    torch.set_num_threads(given.threads)
+    settings = Settings(**{field.name: getattr(given, field.name) for field in fields(Settings)})
+
+    cameras, similarity, _ = read_scene(given.scene)
+    kept = sorted(set(range(len(cameras))) - set(held_out(len(cameras), given.holdout)))
+    device = _choose_device(given.device)
+    silhouettes = torch.tensor(read_silhouettes(given.silhouettes, cameras.views)[kept])
+    template, faces = (part.to(device) for part in to_tensors(read_mesh(given.first)))
+    progress = Progress(given.name, settings.iterations)
+    verts, records = fit(
+        template,
+        faces,
+        cameras.select(kept),
+        silhouettes.to(device, torch.float32),
+        settings,
+        lambda record: progress(record.iteration + 1, f"loss {record.loss:.4f}"),
+    )
+
+    back = similarity.inverse
+    write_mesh(given.meshes, back.apply(verts.double()), faces)
+    write_cameras(given.cameras, cameras.in_world_of(back))
+    columns = [field.name for field in fields(Record)]
+    with replacing(given.loss) as part:
+        pd.DataFrame(map(astuple, records), columns=columns).to_csv(part, index=False)
+
+
+def _choose_device(name: str) -> str:
+    return ("cuda" if torch.cuda.is_available() else "cpu") if name == "auto" else name
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,22 @@
+"""Resize an object's photographs into square working images, and keep the pixel maps."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from silmesh.steps.command import parser, run
+from silmesh.views import write_views
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Parse, call, save."""
+    args = parser(__doc__)
+    args.add_argument("--images", nargs="+", type=Path, required=True, help="files, or one .npy")
+    args.add_argument("--size", type=int, required=True, help="of the working images, in pixels")
+    args.add_argument("--resize", choices=["pad", "stretch"], required=True)
+    args.add_argument("--output", type=Path, required=True, help="folder to make")
+    given = args.parse_args(argv)
+    write_views(given.images, given.size, given.resize, given.output)
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,225 @@
+"""Photographs: finding them, reading any mode, resizing them to a square, and the pixel map back.
+
+Working images are ``size`` x ``size``. ``pad`` keeps the aspect and centres the photograph on
+black; ``stretch`` fills the square, as the report does.
+"""
+
+import json
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageOps
+
+from silmesh.errors import InputError
+from silmesh.files import replacing
+
+SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
+MANIFEST = "views.json"
+
+
+@dataclass(frozen=True)
+class View:
+    """A working image, and where its photograph lies in it.
+
+    A pixel (u, v) of the photograph, upright and with centres at integer + 0.5, lies at
+    (left + u (right - left) / width, top + v (bottom - top) / height) in the working image.
+
+    Attributes:
+        view: its name, the stem of the photograph's file (four digits for an image of an array)
+        source: the photograph's file
+        width, height: of the photograph, in pixels
+        size: of the working image, in pixels
+        left, top, right, bottom: the photograph within the working image, in pixels
+    """
+
+    view: str
+    source: str
+    width: int
+    height: int
+    size: int
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    @property
+    def pixel_map(self) -> np.ndarray:
+        """[3, 3] float64, homogeneous pixels of the photograph to those of the working image."""
+        scale_x = (self.right - self.left) / self.width
+        scale_y = (self.bottom - self.top) / self.height
+        return np.array([[scale_x, 0, self.left], [0, scale_y, self.top], [0, 0, 1.0]])
+
+    def place(self, image: Image.Image, resample: Image.Resampling) -> Image.Image:
+        """Resize an image of the photograph's field of view into the working square."""
+        square = Image.new(image.mode, (self.size, self.size))
+        extent = (self.right - self.left, self.bottom - self.top)
+        square.paste(image.resize(extent, resample), (self.left, self.top))
+        return square
+
+
+def place_view(view: str, source: str, width: int, height: int, size: int, resize: str) -> View:
+    """Where a photograph of this width and height goes in a square of ``size``.
+
+    Args:
+        resize: ``pad`` (aspect kept, centred) or ``stretch``
+    """
+    longer = max(width, height)
+    w, h = (size, size) if resize == "stretch" else (size * width, size * height)
+    if resize == "pad":
+        w, h = max(1, round(w / longer)), max(1, round(h / longer))
+    left, top = (size - w) // 2, (size - h) // 2
+    return View(view, source, width, height, size, left, top, left + w, top + h)
+
+
+def natural_key(path: Path | str) -> list[tuple[int, int, str]]:
+    """Sort key that puts ``r5`` before ``r10``."""
+    parts = re.split(r"(\d+)", Path(path).name)
+    return [(0, int(p), "") if p.isdecimal() else (1, 0, p) for p in parts if p]
+
+
+def find_images(pattern: Path) -> list[Path]:
+    """The image files of a folder, or those that a glob matches, in natural order.
+
+    Raises:
+        InputError: the folder is not there, nothing matches, or two files have the same stem
+    """
+    if pattern.is_dir():
+        files = [p for p in pattern.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file()]
+        files = [p for p in files if not p.name.startswith(".")]
+        lacking = f"has no image ({', '.join(SUFFIXES)})"
+    elif re.search(r"[*?\[]", str(pattern)):
+        anchor = Path(pattern.anchor)
+        files = [p for p in anchor.glob(str(pattern.relative_to(anchor))) if p.is_file()]
+        lacking = "matches no file"
+    else:
+        files = [pattern] if pattern.is_file() else []
+        lacking = "is not there" if not files else ""
+    if not files:
+        raise InputError(f"{pattern}: {lacking}")
+    files.sort(key=natural_key)
+    _refuse_equal_stems(files)
+    return files
+
+
+def _refuse_equal_stems(files: Sequence[Path]) -> None:
+    seen: dict[str, Path] = {}
+    for file in files:
+        if file.stem in seen:
+            raise InputError(
+                f"{file}: has the same name, {file.stem!r}, as {seen[file.stem]}; "
+                "each photograph's name, without its ending, names its view"
+            )
+        seen[file.stem] = file
+
+
+def match_masks(images: Sequence[Path], masks: Sequence[Path]) -> list[Path]:
+    """The mask of each image, by the stem of its name.
+
+    Raises:
+        InputError: images without a mask, or masks without an image
+    """
+    by_stem = {mask.stem: mask for mask in masks}
+    stems = {image.stem for image in images}
+    if bare := [image for image in images if image.stem not in by_stem]:
+        raise InputError(
+            f"{bare[0]}: has no mask of the same name in {masks[0].parent}"
+            + _and_others(len(bare), "photographs without a mask")
+        )
+    if spare := [mask for mask in masks if mask.stem not in stems]:
+        raise InputError(
+            f"{spare[0]}: has no photograph of the same name in {images[0].parent}"
+            + _and_others(len(spare), "masks without a photograph")
+        )
+    return [by_stem[image.stem] for image in images]
+
+
+def _and_others(count: int, what: str) -> str:
+    return f" ({count} {what})" if count > 1 else ""
+
+
+def count_array_views(path: Path) -> int:
+    """How many images a SoftRas ``.npy`` holds, from its header.
+
+    Raises:
+        InputError: it cannot be read, or is not [views, 4, height, width] of uint8
+    """
+    return len(_open_array(path))
+
+
+def _open_array(path: Path) -> np.ndarray:
+    try:
+        array = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (OSError, ValueError, EOFError) as error:
+        raise InputError(f"{path}: cannot be read as a .npy array: {error}") from error
+    if array.ndim != 4 or array.shape[1] != 4 or array.dtype != np.uint8 or 0 in array.shape:
+        raise InputError(
+            f"{path}: should hold [views, 4, height, width] of uint8 (RGB and alpha), "
+            f"not {list(array.shape)} of {array.dtype}"
+        )
+    return array
+
+
+def read_image(path: Path | str) -> Image.Image:
+    """Read an image of any mode as upright 8-bit RGB, or RGBA if it has an alpha channel.
+
+    Raises:
+        InputError: it cannot be read, is truncated or is too large
+    """
+    try:
+        with Image.open(path) as opened:
+            opened.load()
+            return _to_8_bit(ImageOps.exif_transpose(opened))
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        raise InputError(f"{path}: cannot be read as an image: {error}") from error
+
+
+def _to_8_bit(image: Image.Image) -> Image.Image:
+    if image.mode.startswith("I"):
+        deep = np.asarray(image).astype(np.float64)
+        image = Image.fromarray((deep / (257 if deep.max() > 255 else 1)).astype(np.uint8))
+    elif image.mode == "F":
+        image = Image.fromarray(np.asarray(image).clip(0, 255).astype(np.uint8))
+    return image.convert("RGBA" if image.has_transparency_data else "RGB")
+
+
+def read_photographs(paths: Sequence[Path]) -> Iterator[tuple[str, str, Image.Image]]:
+    """Give name, file and image of each photograph in turn, from image files or one ``.npy``."""
+    if len(paths) == 1 and paths[0].suffix == ".npy":
+        for i, planes in enumerate(_open_array(paths[0])):
+            yield f"{i:04d}", str(paths[0]), Image.fromarray(np.moveaxis(planes, 0, -1))
+    else:
+        for path in paths:
+            yield path.stem, str(path), read_image(path)
+
+
+def write_views(paths: Sequence[Path], size: int, resize: str, folder: Path) -> list[View]:
+    """Resize photographs into ``<folder>/<view>.png`` and keep the pixel maps in ``views.json``.
+
+    Args:
+        paths: image files, or one ``.npy`` as SoftRas has it
+        size: of the working images, in pixels
+        resize: ``pad`` or ``stretch``
+    """
+    views = []
+    with replacing(folder) as part:
+        part.mkdir()
+        for name, source, image in read_photographs(paths):
+            view = place_view(name, source, *image.size, size, resize)
+            view.place(image, Image.Resampling.LANCZOS).save(part / f"{name}.png")
+            views.append(view)
+        rows = [asdict(view) for view in views]
+        (part / MANIFEST).write_text(json.dumps(rows, indent=1) + "\n")
+    return views
+
+
+def read_views(folder: Path) -> list[View]:
+    """The views that ``write_views`` left in a folder, in their order."""
+    return [View(**row) for row in json.loads((folder / MANIFEST).read_text())]
+
+
+def held_out(views: int, every: int) -> list[int]:
+    """The positions of the views that are kept out of the fit: every n-th, none for 0."""
+    return list(range(every - 1, views, every)) if every else []

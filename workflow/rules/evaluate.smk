@@ -1,0 +1,39 @@
+# requires  a fitted mesh with its cameras and losses, silhouettes, the scene, perhaps the truth
+# makes     its metrics
+# runs      silmesh.steps.evaluate
+
+
+def evaluate_inputs(wildcards):
+    """What a mesh is measured against."""
+    truth = plan.run(wildcards.object, wildcards.variant).dataset.truth
+    stages = fit_inputs(wildcards)
+    return {
+        "silhouettes": stages["silhouettes"],
+        "scene": stages["scene"],
+        "truth": truth or [],
+    }
+
+
+rule evaluate:
+    input:
+        unpack(evaluate_inputs),
+        mesh="results/{object}/{variant}/mesh.ply",
+        cameras="results/{object}/{variant}/cameras.json",
+        loss="results/{object}/{variant}/loss.csv",
+    output:
+        "results/{object}/{variant}/metrics.json",
+    params:
+        settings=lambda w: "--holdout {0.holdout} --sigma {0.sigma:g}".format(
+            plan.run(w.object, w.variant).fit
+        ),
+        truth=lambda w, input: f"--truth '{input.truth}'" if input.truth else "",
+        code=code_digest("silmesh.steps.evaluate"),
+    log:
+        "logs/evaluate/{object}-{variant}.log",
+    message:
+        "{wildcards.object}/{wildcards.variant}: evaluating"
+    shell:
+        "{PYTHON:q} -m silmesh.steps.evaluate --mesh {input.mesh:q} --cameras {input.cameras:q}"
+        " --loss {input.loss:q} --silhouettes {input.silhouettes:q} --scene {input.scene:q}"
+        " {params.truth} {params.settings}"
+        " --threads {threads} --output {output:q} 2> {log:q}"
