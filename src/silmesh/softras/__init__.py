@@ -1,0 +1,69 @@
+"""Soft rasterisation: silhouettes that are differentiable in the projected vertices.
+
+``soft_silhouettes`` is the one entry. The equations are in ``silmesh.softras.reference``, plain
+torch for any device and dtype; ``silmesh.softras.cpu`` holds the fast kernel for float32 on the
+CPU, tested against it.
+"""
+
+import math
+
+import torch
+from torch import Tensor
+
+from silmesh.softras import cpu, reference
+
+__all__ = ["soft_silhouettes"]
+
+
+def soft_silhouettes(
+    points: Tensor, faces: Tensor, size: tuple[int, int], sigma: float = 1e-4
+) -> Tensor:
+    """Render soft silhouettes of a triangle mesh, seen as points in each view.
+
+    Args:
+        points: [views, verts, 2] pixels, x right and y down, pixel centres at integer + 0.5. A
+            point that is not finite (it is behind the camera) leaves its faces out of that view.
+        faces: [faces, 3] int64; either orientation
+        size: height and width of the image in pixels
+        sigma: how soft the edges are, in squared half-image units: distances are in pixels over
+            half of the longer image side
+    Returns:
+        alpha [views, height, width] in [0, 1], of the dtype and on the device of ``points``;
+        differentiable once with respect to ``points``
+    Raises:
+        ValueError: a shape, dtype, device, index or sigma that cannot be rendered
+    """
+    size = _check_size(size)
+    _check_points(points)
+    _check_faces(faces, points)
+    if not (math.isfinite(sigma) and sigma > 0):
+        raise ValueError(f"sigma should be a positive number, not {sigma}")
+    fast = points.device.type == "cpu" and points.dtype == torch.float32
+    return (cpu if fast else reference).soft_silhouettes(points, faces, size, float(sigma))
+
+
+def _check_size(size: tuple[int, int]) -> tuple[int, int]:
+    height, width = (int(side) for side in size)
+    if height < 1 or width < 1:
+        raise ValueError(f"size should be (height, width), each at least 1, not {tuple(size)}")
+    return height, width
+
+
+def _check_points(points: Tensor) -> None:
+    if points.ndim != 3 or points.shape[2] != 2 or not points.is_floating_point():
+        raise ValueError(
+            f"points should be floating [views, verts, 2], not {points.dtype} {list(points.shape)}"
+        )
+
+
+def _check_faces(faces: Tensor, points: Tensor) -> None:
+    if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype != torch.int64:
+        raise ValueError(f"faces should be int64 [faces, 3], not {faces.dtype} {list(faces.shape)}")
+    if faces.device != points.device:
+        raise ValueError(f"faces are on {faces.device}, points on {points.device}")
+    verts = points.shape[1]
+    if len(faces) and not (faces.min() >= 0 and faces.max() < verts):
+        raise ValueError(
+            f"faces should index {verts} points, from 0 to {verts - 1}, "
+            f"not {int(faces.min())} to {int(faces.max())}"
+        )

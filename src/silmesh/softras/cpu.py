@@ -1,0 +1,472 @@
+"""Soft silhouettes on the CPU: numba kernels, one pass over the triangles of each view.
+
+The equations are those of ``silmesh.softras.reference``. What is particular here:
+
+- All lengths are scaled so that D = 2^z / (1 + 2^z), z = +-d^2.
+- 1 / (1 - D) = 1 + 2^z, so a view keeps the product P = 1 / T of these in one image, and no list
+  of the faces of a pixel or of the pixels of a face: memory grows with views x pixels alone.
+- A face is drawn in windows of at most 64 x 64 pixels. Their origins are set in float64, so within
+  a window float32 is exact to about 1e-6 pixel however large the face.
+- In each row of a window only the span that lies within the cutoff of all three edges' half-planes
+  is visited, eight pixels at a time, without branches.
+
+Views are independent of each other and the faces of a view are visited in order by one thread:
+the result is bitwise the same for any number of threads.
+"""
+
+import math
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from numba import njit
+from torch import Tensor
+
+from silmesh.softras.lanes import (
+    LANES,
+    any_nonzero,
+    exp2,
+    larger,
+    load,
+    ramp,
+    smaller,
+    splat,
+    store,
+    total,
+    where_less,
+)
+from silmesh.softras.reference import CUTOFF, THIN
+
+WINDOW = 64  # pixels
+LOG2_E = math.log2(math.e)
+CUTOFF_Z = CUTOFF * LOG2_E
+THIN_Z = THIN * math.sqrt(LOG2_E)
+LARGEST_Z = 126  # 2^z stays finite
+OPAQUE = 1e30  # P stops here, before float32 overflows
+SPENT = 1e12  # at this P a pixel is opaque to float32 many times over: it passes no gradient
+FAR = 1e9  # pixels: no bound
+SLACK = 0.01  # pixels: spans are wider by this, so that rounding loses no pixel
+LEVEL = 0.02  # an edge that rises less than this bounds no span
+
+_jit = njit(nogil=True, cache=True, fastmath={"contract"}, error_model="numpy")
+
+
+class Edge(NamedTuple):
+    """An edge from a to b and its own frame: u along it, v across it, positive inside.
+
+    a is in pixels; u, v and the length are scaled. From one pixel to the next, u and v change by
+    (ux, uy) and (vx, vy). All are float64.
+    """
+
+    ax: float
+    ay: float
+    ux: float
+    uy: float
+    vx: float
+    vy: float
+    length: float
+
+
+class Line(NamedTuple):
+    """An edge as seen from a window's first pixel, in float32.
+
+    There, ``before`` = -u and ``after`` = u - length (positive past the ends) and ``across`` = v.
+    In row j, pixels within the cutoff of the inner half-plane lie from ``left + slope j`` or up to
+    ``right + slope j``. ``before`` times ``share`` is the share of the way from a to b.
+    """
+
+    before: float
+    after: float
+    across: float
+    ux: float
+    uy: float
+    vx: float
+    vy: float
+    left: float
+    right: float
+    slope: float
+    share: float
+
+
+class Row(NamedTuple):
+    """What a ``Line`` becomes in one row of the window, each number in all lanes."""
+
+    before: object
+    after: object
+    across: object
+    ux: object
+    vx: object
+
+
+@_jit
+def _make_edge(ax, ay, bx, by, sign, scale):
+    """An edge of no length is a point: there any frame measures the distance rightly."""
+    x = bx - ax
+    y = by - ay
+    length = math.sqrt(x * x + y * y)
+    if length > 0:
+        x *= scale / length
+        y *= scale / length
+    else:
+        x = scale
+        y = 0.0
+    return Edge(ax, ay, x, y, -y * sign, x * sign, length * scale)
+
+
+@_jit
+def _make_edges(a, b, c, scale):
+    """The edges of a triangle, and the v above which a pixel is inside: no v if it is thin."""
+    area2 = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    sign = -1.0 if area2 < 0 else 1.0
+    ab = _make_edge(a[0], a[1], b[0], b[1], sign, scale)
+    bc = _make_edge(b[0], b[1], c[0], c[1], sign, scale)
+    ca = _make_edge(c[0], c[1], a[0], a[1], sign, scale)
+    longest = max(ab.length, bc.length, ca.length)
+    thick = abs(area2) * scale * scale > THIN_Z * longest
+    return (ab, bc, ca), np.float32(0.0 if thick else np.inf)
+
+
+@_jit
+def _corner(points, vert):
+    return np.float64(points[vert, 0]), np.float64(points[vert, 1])
+
+
+@_jit
+def _find_pixels(a, b, c, radius, size):
+    """First and past-the-last pixel from min - radius to max + radius, clipped to the image.
+
+    The centre of pixel i is at i + 1/2. A number that is not finite gives an empty range.
+    """
+    if not math.isfinite(a + b + c):
+        return 0, 0
+    low = min(max(min(a, b, c) - radius - 0.5, 0.0), np.float64(size))
+    high = min(max(max(a, b, c) + radius - 0.5, -1.0), size - 1.0)
+    return int(math.ceil(low)), int(math.floor(high)) + 1
+
+
+@_jit
+def _see_line(edge, x, y):
+    """An edge from the pixel whose centre is (x, y)."""
+    u = edge.ux * (x - edge.ax) + edge.uy * (y - edge.ay)
+    v = edge.vx * (x - edge.ax) + edge.vy * (y - edge.ay)
+    left = -FAR
+    right = FAR
+    slope = 0.0
+    if abs(edge.vx) > LEVEL * abs(edge.vy):
+        reach = math.sqrt(CUTOFF_Z)
+        slope = -edge.vy / edge.vx
+        if edge.vx > 0:
+            left = (-reach - v) / edge.vx - SLACK
+        else:
+            right = (-reach - v) / edge.vx + SLACK
+    return Line(
+        np.float32(-u),
+        np.float32(u - edge.length),
+        np.float32(v),
+        np.float32(edge.ux),
+        np.float32(edge.uy),
+        np.float32(edge.vx),
+        np.float32(edge.vy),
+        np.float32(left),
+        np.float32(right),
+        np.float32(slope),
+        np.float32(-1.0 / edge.length if edge.length > 0 else 0.0),
+    )
+
+
+@_jit
+def _find_span(ab, bc, ca, j, width):
+    """First pixel and number of blocks of pixels to visit in row j of a window."""
+    low = max(ab.left + ab.slope * j, bc.left + bc.slope * j, ca.left + ca.slope * j)
+    high = min(ab.right + ab.slope * j, bc.right + bc.slope * j, ca.right + ca.slope * j)
+    first = int(math.ceil(max(low, np.float32(0))))
+    last = int(math.floor(min(high, np.float32(width - 1))))
+    return first, (last - first + LANES) // LANES if last >= first else 0
+
+
+@_jit
+def _enter_row(line, j):
+    return Row(
+        splat(line.before - line.uy * j),
+        splat(line.after + line.uy * j),
+        splat(line.across + line.vy * j),
+        splat(line.ux),
+        splat(line.vx),
+    )
+
+
+@_jit
+def _measure(row, i):
+    """How far pixels i lie before a, across the line, and from the edge (squared)."""
+    zero = splat(np.float32(0))
+    before = row.before - row.ux * i
+    after = row.after + row.ux * i
+    across = row.across + row.vx * i
+    beyond = larger(larger(before, after), zero)
+    return before, across, across * across + beyond * beyond
+
+
+@_jit
+def _odds(distance2, across, inside):
+    """D / (1 - D) = 2^z; zero past the cutoff. ``across`` is the smallest of the three."""
+    zero = splat(np.float32(0))
+    z = where_less(inside, across, distance2, zero - distance2)
+    odds = exp2(smaller(larger(z, splat(np.float32(-LARGEST_Z))), splat(np.float32(LARGEST_Z))))
+    return where_less(z, splat(np.float32(-CUTOFF_Z)), zero, odds)
+
+
+@_jit
+def _multiply_window(product, start, stride, lines, inside, extent):
+    """Multiply P by the 1 + 2^z of one triangle in one window."""
+    ab, bc, ca = lines
+    height, width = extent
+    one = splat(np.float32(1))
+    inside = splat(inside)
+    for row in range(height):
+        j = np.float32(row)
+        first, blocks = _find_span(ab, bc, ca, j, width)
+        row_ab = _enter_row(ab, j)
+        row_bc = _enter_row(bc, j)
+        row_ca = _enter_row(ca, j)
+        for block in range(blocks):
+            at = first + block * LANES
+            i = ramp(at)
+            _, v_ab, d_ab = _measure(row_ab, i)
+            _, v_bc, d_bc = _measure(row_bc, i)
+            _, v_ca, d_ca = _measure(row_ca, i)
+            odds = _odds(
+                smaller(smaller(d_ab, d_bc), d_ca), smaller(smaller(v_ab, v_bc), v_ca), inside
+            )
+            k = start + row * stride + at
+            p = load(product, k) * (one + odds)
+            store(product, k, smaller(p, splat(np.float32(OPAQUE))))
+
+
+@_jit
+def _see_lines(edges, x, y):
+    """The edges of a triangle from the centre of pixel (x, y)."""
+    ab, bc, ca = edges
+    x += 0.5
+    y += 0.5
+    return _see_line(ab, x, y), _see_line(bc, x, y), _see_line(ca, x, y)
+
+
+@_jit
+def _fill_product(points, faces, size, scale, product):
+    """Fill P of one view.
+
+    Args:
+        points: [verts, 2] float32
+        faces: [faces, 3] int64
+        size: height and width
+        scale: from pixels to lengths whose square is z
+        product: [height x (width + LANES)] float32, written
+    """
+    height, width = size
+    stride = width + LANES
+    radius = math.sqrt(CUTOFF_Z) / scale
+    product[:] = 1
+    for face in range(faces.shape[0]):
+        a = _corner(points, faces[face, 0])
+        b = _corner(points, faces[face, 1])
+        c = _corner(points, faces[face, 2])
+        x0, x1 = _find_pixels(a[0], b[0], c[0], radius, width)
+        y0, y1 = _find_pixels(a[1], b[1], c[1], radius, height)
+        if x0 >= x1 or y0 >= y1:
+            continue
+        edges, inside = _make_edges(a, b, c, scale)
+        for y in range(y0, y1, WINDOW):
+            for x in range(x0, x1, WINDOW):
+                lines = _see_lines(edges, x, y)
+                extent = min(WINDOW, y1 - y), min(WINDOW, x1 - x)
+                _multiply_window(product, y * stride + x, stride, lines, inside, extent)
+
+
+@_jit
+def _sum_window(weight, start, stride, lines, inside, corners, extent):
+    """Sum over a window: w (p - c) times the barycentric coordinates of c, the nearest point.
+
+    w is ``weight`` times D with the sign of z. Returns the sums of all, of a's share and of b's.
+    """
+    ab, bc, ca = lines
+    (ax, ay), (bx, by), (cx, cy) = corners
+    height, width = extent
+    zero = splat(np.float32(0))
+    one = splat(np.float32(1))
+    inside = splat(inside)
+    sum_x, sum_y, sum_ax, sum_ay, sum_bx, sum_by = zero, zero, zero, zero, zero, zero
+    for row in range(height):
+        j = np.float32(row)
+        first, blocks = _find_span(ab, bc, ca, j, width)
+        row_ab = _enter_row(ab, j)
+        row_bc = _enter_row(bc, j)
+        row_ca = _enter_row(ca, j)
+        for block in range(blocks):
+            at = first + block * LANES
+            w = load(weight, start + row * stride + at)
+            if not any_nonzero(w):
+                continue
+            i = ramp(at)
+            s_ab, v_ab, d_ab = _measure(row_ab, i)
+            s_bc, v_bc, d_bc = _measure(row_bc, i)
+            s_ca, v_ca, d_ca = _measure(row_ca, i)
+            others = smaller(d_bc, d_ca)
+            across = smaller(smaller(v_ab, v_bc), v_ca)
+            odds = _odds(smaller(d_ab, others), across, inside)
+            w = w * odds / (one + odds)
+            w = where_less(inside, across, w, zero - w)
+
+            # barycentric coordinates of the nearest point: s of the way along the nearest edge
+            s = where_less(d_bc, d_ca, s_bc * splat(bc.share), s_ca * splat(ca.share))
+            s = where_less(others, d_ab, s, s_ab * splat(ab.share))
+            s = smaller(larger(s, zero), one)
+            on_a = where_less(d_bc, d_ca, zero, s)
+            on_b = where_less(d_bc, d_ca, one - s, zero)
+            on_a = where_less(others, d_ab, on_a, one - s)
+            on_b = where_less(others, d_ab, on_b, s)
+
+            x = i - splat(cx) - on_a * splat(ax) - on_b * splat(bx)
+            y = splat(j - cy) - on_a * splat(ay) - on_b * splat(by)
+            x = w * x
+            y = w * y
+            sum_x = sum_x + x
+            sum_y = sum_y + y
+            sum_ax = sum_ax + on_a * x
+            sum_ay = sum_ay + on_a * y
+            sum_bx = sum_bx + on_b * x
+            sum_by = sum_by + on_b * y
+    return total(sum_x), total(sum_y), total(sum_ax), total(sum_ay), total(sum_bx), total(sum_by)
+
+
+@_jit
+def _see_corners(a, b, c, x, y):
+    """c from the centre of pixel (x, y), a and b from c, in pixels, float32."""
+    return (
+        (np.float32(a[0] - c[0]), np.float32(a[1] - c[1])),
+        (np.float32(b[0] - c[0]), np.float32(b[1] - c[1])),
+        (np.float32(c[0] - x - 0.5), np.float32(c[1] - y - 0.5)),
+    )
+
+
+@_jit
+def _fill_gradient(points, faces, size, scale, weight, gradient):
+    """Add the gradient with respect to the points of one view, but for a common factor.
+
+    Args:
+        points, faces, size, scale: as in ``_fill_product``
+        weight: [height x (width + LANES)] float32, T times the gradient with respect to alpha
+        gradient: [verts, 2] float32, added to
+    """
+    height, width = size
+    stride = width + LANES
+    radius = math.sqrt(CUTOFF_Z) / scale
+    for face in range(faces.shape[0]):
+        a = _corner(points, faces[face, 0])
+        b = _corner(points, faces[face, 1])
+        c = _corner(points, faces[face, 2])
+        x0, x1 = _find_pixels(a[0], b[0], c[0], radius, width)
+        y0, y1 = _find_pixels(a[1], b[1], c[1], radius, height)
+        if x0 >= x1 or y0 >= y1:
+            continue
+        edges, inside = _make_edges(a, b, c, scale)
+        for y in range(y0, y1, WINDOW):
+            for x in range(x0, x1, WINDOW):
+                lines = _see_lines(edges, x, y)
+                corners = _see_corners(a, b, c, x, y)
+                extent = min(WINDOW, y1 - y), min(WINDOW, x1 - x)
+                gx, gy, gax, gay, gbx, gby = _sum_window(
+                    weight, y * stride + x, stride, lines, inside, corners, extent
+                )
+                gradient[faces[face, 0], 0] += gax
+                gradient[faces[face, 0], 1] += gay
+                gradient[faces[face, 1], 0] += gbx
+                gradient[faces[face, 1], 1] += gby
+                gradient[faces[face, 2], 0] += gx - gax - gbx
+                gradient[faces[face, 2], 1] += gy - gay - gby
+
+
+@_jit
+def _draw(points, faces, scale, product, alpha):
+    """P and alpha = 1 - 1 / P of one view, alpha [height, width]."""
+    height, width = alpha.shape
+    _fill_product(points, faces, (height, width), scale, product)
+    for y in range(height):
+        for x in range(width):
+            p = product[y * (width + LANES) + x]
+            alpha[y, x] = (p - np.float32(1)) / p
+
+
+@_jit
+def _draw_back(points, faces, scale, product, upstream, weight, gradient):
+    """The gradient [verts, 2] of one view from that with respect to alpha [height, width]."""
+    height, width = upstream.shape
+    stride = width + LANES
+    weight[:] = 0
+    for y in range(height):
+        for x in range(width):
+            p = product[y * stride + x]
+            if p < np.float32(SPENT):
+                weight[y * stride + x] = upstream[y, x] / p
+    gradient[:] = 0
+    _fill_gradient(points, faces, (height, width), scale, weight, gradient)
+    factor = np.float32(-2 * scale * scale / LOG2_E)
+    for vert in range(gradient.shape[0]):
+        gradient[vert, 0] *= factor
+        gradient[vert, 1] *= factor
+
+
+def soft_silhouettes(points: Tensor, faces: Tensor, size: tuple[int, int], sigma: float) -> Tensor:
+    """As ``silmesh.softras.soft_silhouettes``, without its checks, for float32 on the CPU."""
+    return _SoftSilhouettes.apply(points, faces, size, sigma)
+
+
+class _SoftSilhouettes(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx, points, faces, size, sigma):
+        points = points.detach().contiguous()
+        faces = faces.contiguous()
+        height, width = size
+        ctx.scale = math.sqrt(LOG2_E / sigma) / (max(size) / 2)
+        alpha = points.new_empty(len(points), height, width)
+        product = points.new_empty(len(points), height * (width + LANES))
+        ctx.save_for_backward(points, faces, product)
+        arrays = points.numpy(), faces.numpy(), product.numpy(), alpha.numpy()
+
+        def draw(view):
+            points, faces, product, alpha = arrays
+            _draw(points[view], faces, ctx.scale, product[view], alpha[view])
+
+        _run(draw, len(points))
+        return alpha
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, upstream):
+        points, faces, product = ctx.saved_tensors
+        upstream = upstream.contiguous()
+        gradient = torch.empty_like(points)
+        arrays = (t.numpy() for t in (points, faces, product, upstream, gradient))
+        points, faces, product, upstream, into = arrays
+
+        def draw_back(view):
+            weight = np.empty_like(product[view])
+            _draw_back(
+                points[view], faces, ctx.scale, product[view], upstream[view], weight, into[view]
+            )
+
+        _run(draw_back, len(points))
+        return gradient, None, None, None
+
+
+def _run(work: Callable[[int], None], views: int) -> None:
+    """Do the work of each view, on as many threads as torch uses."""
+    threads = min(torch.get_num_threads(), views)
+    if threads <= 1:
+        for view in range(views):
+            work(view)
+        return
+    with ThreadPoolExecutor(threads) as pool:
+        for done in [pool.submit(work, view) for view in range(views)]:
+            done.result()
