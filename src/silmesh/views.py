@@ -221,5 +221,11 @@ def read_views(folder: Path) -> list[View]:
 
 
 def held_out(views: int, every: int) -> list[int]:
-    """The positions of the views that are kept out of the fit: every n-th, none for 0."""
+    """The positions of the views that are kept out of the fit: every n-th, none for 0.
+
+    Raises:
+        InputError: it is 1, which leaves none to fit
+    """
+    if every == 1:
+        raise InputError("holdout 1 keeps every view out of the fit; should be 0, 2 or more")
     return list(range(every - 1, views, every)) if every else []
