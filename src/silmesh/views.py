@@ -99,7 +99,7 @@ def find_images(pattern: Path) -> list[Path]:
         lacking = "is not there" if not files else ""
     if not files:
         raise InputError(f"{pattern}: {lacking}")
-    files.sort(key=natural_key)
+    files = sorted(sorted(files), key=natural_key)  # r5 and r05 in an order of their own
     _refuse_equal_stems(files)
     return files
 
@@ -179,7 +179,8 @@ def read_image(path: Path | str) -> Image.Image:
 def _to_8_bit(image: Image.Image) -> Image.Image:
     if image.mode.startswith("I"):
         deep = np.asarray(image).astype(np.float64)
-        image = Image.fromarray((deep / (257 if deep.max() > 255 else 1)).astype(np.uint8))
+        deep = deep / (257 if deep.max() > 255 else 1)
+        image = Image.fromarray(deep.clip(0, 255).astype(np.uint8))
     elif image.mode == "F":
         image = Image.fromarray(np.asarray(image).clip(0, 255).astype(np.uint8))
     return image.convert("RGBA" if image.has_transparency_data else "RGB")
