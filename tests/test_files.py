@@ -38,9 +38,14 @@ def test_what_is_written_takes_the_place_of_what_was_there(tmp_path, old, new):
 def test_an_exception_leaves_the_old_output_and_nothing_else(tmp_path, kind):
     path = tmp_path / "out"
     fill(path, f"{kind} old")
-    with pytest.raises(RuntimeError, match="half way"), replacing(path) as part:
-        fill(part, f"{kind} new")
-        raise RuntimeError("half way")
+
+    def stop_half_way():
+        with replacing(path) as part:
+            fill(part, f"{kind} new")
+            raise RuntimeError("half way")
+
+    with pytest.raises(RuntimeError, match="half way"):
+        stop_half_way()
     assert content(path) == f"{kind} old"
     assert list(tmp_path.iterdir()) == [path]
 

@@ -60,7 +60,7 @@ def test_a_turntable_is_softras_npy(tmp_path):
 
 @pytest.mark.parametrize("distance", [0.5, 0.1, -2, math.nan])
 def test_a_camera_inside_the_object_is_refused(distance):
-    with pytest.raises(InputError, match="'v0' stands at distance .* inside"):
+    with pytest.raises(InputError, match=r"'v0' stands at distance .* inside"):
         turntable_cameras(names(3), 32, distance, 0, 5)
 
 
