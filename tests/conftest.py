@@ -1,4 +1,4 @@
-"""What the tests share: the real photographs, where they are, and torch's threads put back."""
+"""What the tests share: the real photographs, where they are, and one thread for torch."""
 
 import os
 from collections.abc import Iterator
@@ -20,7 +20,8 @@ def data() -> Path:
 
 @pytest.fixture(autouse=True)
 def _threads() -> Iterator[None]:
-    """Steps set how many threads torch takes; the next test has them as they were."""
+    """Small tensors are quickest on one thread; tests and steps that set another give it back."""
     threads = torch.get_num_threads()
+    torch.set_num_threads(1)
     yield
     torch.set_num_threads(threads)

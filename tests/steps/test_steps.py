@@ -1,0 +1,228 @@
+"""Every step once, from photographs to metrics, without Snakemake."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+import torch
+import trimesh
+from scenes import save, silhouettes, turntable
+
+from silmesh.cameras.camera import Similarity, read_cameras, write_cameras
+from silmesh.errors import InputError
+from silmesh.files import replacing
+from silmesh.silhouettes import read_silhouettes
+from silmesh.steps import cameras as cameras_step
+from silmesh.steps import evaluate, first, fit, scene, views
+from silmesh.steps import silhouettes as silhouettes_step
+from silmesh.steps.command import run
+
+WIDTH, HEIGHT, SIZE, COUNT = 64, 48, 32, 8
+AXES, CENTRE = (30.0, 15.0, 20.0), (5.0, -3.0, 2.0)
+
+
+def photographed():
+    """Cameras of photographs of an ellipsoid, far off in a world of its own."""
+    square = turntable(COUNT, WIDTH, elevation=20)
+    up = torch.tensor([[1.0, 0, 0], [0, 1, -(WIDTH - HEIGHT) / 2], [0, 0, 1]])
+    sizes = torch.tensor([[WIDTH, HEIGHT]] * COUNT)
+    elsewhere = Similarity(-torch.tensor(CENTRE, dtype=torch.float64) / 60, 60.0)
+    return square.in_pixels_of(up.expand(COUNT, 3, 3), sizes).in_world_of(elsewhere)
+
+
+def call(step, **options):
+    """``main`` with options by their names; a list becomes several values."""
+    argv = []
+    for name, value in options.items():
+        values = value if isinstance(value, list | tuple) else [value]
+        argv += [f"--{name.replace('_', '-')}", *map(str, values)]
+    step.main(argv)
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory):
+    """Everything that a run makes of the ellipsoid, and what it was made from."""
+    root = tmp_path_factory.mktemp("run")
+    made = photographed()
+    seen = silhouettes(made, AXES, CENTRE)
+    images, masks = [], []
+    for name, mask in zip(made.views, seen, strict=True):
+        images.append(
+            save(root / "png2" / f"{name}.png", np.repeat(mask[..., None] * np.uint8(200), 3, 2))
+        )
+        masks.append(save(root / "mask2" / f"{name}.png", mask))
+    write_cameras(root / "given.json", made)
+    truth = trimesh.creation.icosphere(subdivisions=3)
+    truth.apply_scale(AXES)
+    truth.apply_translation(CENTRE)
+    truth.export(root / "truth.ply")
+
+    out = root / "results"
+    call(views, images=images, size=SIZE, resize="pad", output=out / "views")
+    call(
+        silhouettes_step,
+        views=out / "views",
+        source="mask",
+        masks=masks,
+        output=out / "silhouettes",
+    )
+    call(cameras_step, views=out / "views", file=root / "given.json", output=out / "cameras.json")
+    shared = {"silhouettes": out / "silhouettes"}
+    call(scene, **shared, cameras=out / "cameras.json", threads=1, output=out / "scene")
+    call(
+        first,
+        **shared,
+        cameras=out / "scene" / "cameras.json",
+        shape="sphere",
+        vertices=162,
+        align="none",
+        output=out / "first.ply",
+    )
+    variant = out / "object" / "variant"
+    call(
+        fit,
+        **shared,
+        first=out / "first.ply",
+        scene=out / "scene",
+        iterations=40,
+        learning_rate=0.03,
+        holdout=4,
+        device="cpu",
+        threads=1,
+        meshes=[variant / f"mesh.{ending}" for ending in ("ply", "obj", "glb")],
+        cameras=variant / "cameras.json",
+        loss=variant / "loss.csv",
+    )
+    call(
+        evaluate,
+        **shared,
+        mesh=variant / "mesh.ply",
+        cameras=variant / "cameras.json",
+        loss=variant / "loss.csv",
+        scene=out / "scene",
+        truth=root / "truth.ply",
+        holdout=4,
+        threads=1,
+        results=out,
+        output=variant / "metrics.json",
+    )
+    return out
+
+
+def test_silhouettes_are_those_of_the_working_images(results):
+    cameras = read_cameras(results / "cameras.json")
+    assert cameras.sizes.tolist() == [[SIZE, SIZE]] * COUNT
+    found = read_silhouettes(results / "silhouettes", cameras.views)
+    expected = silhouettes(cameras, AXES, CENTRE)
+    assert (found & expected).sum() / (found | expected).sum() > 0.97
+
+
+def test_the_scene_is_normalised_and_coherent(results):
+    scene = json.loads((results / "scene" / "scene.json").read_text())
+    np.testing.assert_allclose(
+        scene["centre"], CENTRE, atol=2
+    )  # a box is not centred on what it is a picture of
+    assert scene["scale"] * max(AXES) == pytest.approx(0.5, rel=0.1)
+    assert scene["hull_iou_mean"] > 0.93
+
+
+def test_the_first_mesh_is_the_unit_sphere(results):
+    mesh = trimesh.load_mesh(results / "first.ply", process=False)
+    assert len(mesh.vertices) == 162
+    np.testing.assert_allclose(np.linalg.norm(mesh.vertices, axis=1), 1, atol=1e-6)
+
+
+def test_losses_have_the_contracts_columns_and_fall(results):
+    loss = pd.read_csv(results / "object" / "variant" / "loss.csv")
+    columns = ["iteration", "loss", "iou_loss", "laplacian", "flatten", "seconds"]
+    assert list(loss.columns) == columns
+    assert loss["iteration"].tolist() == list(range(40))
+    weighted = loss["iou_loss"] + 0.03 * loss["laplacian"] + 0.0003 * loss["flatten"]
+    np.testing.assert_allclose(loss["loss"], weighted, rtol=1e-5)
+    assert loss["iou_loss"].iloc[-1] < 0.6 * loss["iou_loss"].iloc[0]
+
+
+@pytest.mark.parametrize("ending", ["ply", "obj", "glb"])
+def test_the_mesh_is_in_the_worlds_own_frame(results, ending):
+    mesh = trimesh.load_mesh(results / "object" / "variant" / f"mesh.{ending}", process=False)
+    np.testing.assert_allclose(mesh.bounds.mean(axis=0), CENTRE, atol=4)
+    np.testing.assert_allclose(mesh.extents / 2, AXES, rtol=0.35)
+
+
+def test_the_meshs_cameras_are_those_given_in_working_pixels(results):
+    fitted = read_cameras(results / "object" / "variant" / "cameras.json")
+    given = read_cameras(results / "cameras.json")
+    assert fitted.views == given.views
+    torch.testing.assert_close(fitted.centres, given.centres)
+    torch.testing.assert_close(fitted.K, given.K)
+
+
+def test_metrics_have_the_contracts_keys(results):
+    metrics = json.loads((results / "object" / "variant" / "metrics.json").read_text())
+    assert metrics["iou_min"] <= metrics["iou_mean"] <= 1
+    held = [metrics["iou"][name] for name in ("v3", "v7")]
+    assert metrics["iou_holdout"] == pytest.approx(np.mean(held))
+    assert metrics["iou_mean"] > 0.7
+    assert metrics["hull_iou_mean"] > 0.93
+    assert metrics["iterations"] == 40
+    assert metrics["silhouettes"] == "silhouettes"
+    assert metrics["volume_iou"] > 0.5
+    assert {"loss_final", "fit_seconds", "chamfer", "f_score", "normal_consistency"} <= set(metrics)
+
+
+def test_no_part_is_left(results):
+    assert not list(results.rglob(".part-*"))
+
+
+def test_a_turntable_needs_no_file(results, tmp_path):
+    call(
+        cameras_step, views=results / "views", turntable=[2.732, 0, -45], output=tmp_path / "c.json"
+    )
+    expected = turntable(COUNT, SIZE).centres * torch.tensor([-1, 1, 1])  # the other way round
+    torch.testing.assert_close(read_cameras(tmp_path / "c.json").centres, expected)
+
+
+def test_a_world_is_kept_if_asked(results, tmp_path):
+    write_cameras(tmp_path / "c.json", turntable(COUNT, SIZE))
+    argv = ["--silhouettes", results / "silhouettes", "--cameras", tmp_path / "c.json"]
+    scene.main([*map(str, argv), "--keep-world", "--output", str(tmp_path / "scene")])
+    kept = read_cameras(tmp_path / "scene" / "cameras.json")
+    assert torch.equal(kept.t, turntable(COUNT, SIZE).t)
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
+def test_a_gpu_that_is_not_there_is_an_input_error(results, tmp_path):
+    with pytest.raises(InputError, match="no GPU"):
+        call(
+            fit,
+            silhouettes=results / "silhouettes",
+            first=results / "first.ply",
+            scene=results / "scene",
+            device="cuda",
+            meshes=[tmp_path / "m.ply"],
+            cameras=tmp_path / "c.json",
+            loss=tmp_path / "l.csv",
+        )
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_input_error_is_shown_without_a_traceback(capsys):
+    def main(argv):
+        raise InputError("a.png: is not there")
+
+    with pytest.raises(SystemExit) as stop:
+        run(main)
+    assert stop.value.code == 1
+    assert capsys.readouterr().err == "silmesh: a.png: is not there\n"
+
+
+def test_another_error_keeps_its_traceback(tmp_path):
+    def main(argv):
+        with replacing(tmp_path / "out") as part:
+            part.write_text("half")
+            raise KeyError("ours")
+
+    with pytest.raises(KeyError):
+        run(main)
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,66 @@
+"""The report's numbers before the first step, on the real photographs."""
+
+import pytest
+import torch
+
+from silmesh.cameras.turntable import softras_cameras, turntable_cameras
+from silmesh.evaluation import coherence
+from silmesh.fitting.loop import Settings, fit
+from silmesh.hull import carve
+from silmesh.meshes import to_tensors
+from silmesh.shapes.first import first_mesh
+from silmesh.silhouettes import read_silhouettes, write_silhouettes
+from silmesh.views import find_images, match_masks, write_views
+
+pytestmark = pytest.mark.data
+ONE_STEP = Settings(1, 0.01, (0.5, 0.99), 1e-4, 0.03, 0.0003)
+
+
+def silhouettes_of(images, masks, size, source, folder):
+    views = write_views(images, size, "stretch", folder / "views")
+    write_silhouettes(source, views, folder / "views", masks, folder / "silhouettes")
+    names = [view.view for view in views]
+    return names, read_silhouettes(folder / "silhouettes", names)
+
+
+@pytest.fixture(scope="module")
+def moisturiser(data, tmp_path_factory):
+    """The report's cameras and the silhouettes of the photographs, stretched to 256."""
+    images = find_images(data / "aloi_moisturiser" / "png2" / "moisturiser")
+    masks = match_masks(images, find_images(data / "aloi_moisturiser" / "mask2" / "moisturiser"))
+    names, seen = silhouettes_of(images, masks, 256, "mask", tmp_path_factory.mktemp("moisturiser"))
+    return turntable_cameras(names, 256, 2.732, 0, 5), seen
+
+
+@pytest.fixture(scope="module")
+def plane(data, tmp_path_factory):
+    """SoftRas's own example."""
+    folder = data / "shapenet_plane"
+    out = tmp_path_factory.mktemp("plane")
+    names, seen = silhouettes_of([folder / "source.npy"], [], 64, "alpha", out)
+    return softras_cameras(folder / "camera.npy", names, 64), seen
+
+
+def first_loss(scene, vertices, align):
+    cameras, seen = scene
+    torch.set_num_threads(2)
+    first = to_tensors(first_mesh(vertices, align, seen))
+    _, records = fit(*first, cameras, torch.tensor(seen, dtype=torch.float32), ONE_STEP)
+    return records[0].iou_loss
+
+
+@pytest.mark.parametrize(
+    ("vertices", "align", "loss"), [(1352, "none", 0.7047), (1922, "bbox", 0.569)]
+)
+def test_the_moisturiser_before_the_first_step(moisturiser, vertices, align, loss):
+    assert first_loss(moisturiser, vertices, align) == pytest.approx(loss, abs=0.003)
+
+
+def test_the_plane_before_the_first_step(plane):
+    assert first_loss(plane, 1352, "none") == pytest.approx(0.844, abs=0.005)
+
+
+def test_the_reports_cameras_do_not_agree_with_the_moisturiser(moisturiser):
+    cameras, seen = moisturiser
+    agreement = coherence(carve(seen, cameras), cameras, seen)
+    assert agreement.mean() == pytest.approx(0.82, abs=0.015)
