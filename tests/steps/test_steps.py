@@ -171,6 +171,23 @@ def test_metrics_have_the_contracts_keys(results):
     assert {"loss_final", "fit_seconds", "chamfer", "f_score", "normal_consistency"} <= set(metrics)
 
 
+def test_silhouettes_may_lie_outside_the_results(results, tmp_path):
+    variant = results / "object" / "variant"
+    call(
+        evaluate,
+        mesh=variant / "mesh.ply",
+        cameras=variant / "cameras.json",
+        loss=variant / "loss.csv",
+        silhouettes=results / "silhouettes",
+        scene=results / "scene",
+        results=results / "object",
+        output=tmp_path / "metrics.json",
+    )
+    metrics = json.loads((tmp_path / "metrics.json").read_text())
+    assert metrics["silhouettes"] == "../silhouettes"
+    assert "chamfer" not in metrics  # there is no truth
+
+
 def test_no_part_is_left(results):
     assert not list(results.rglob(".part-*"))
 
