@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
 
-from silmesh.synthetic import layout
 from silmesh.config import NAME, SilhouetteSource
 from silmesh.errors import InputError
+from silmesh.synthetic import layout
 from silmesh.views import count_array_views, find_images, match_masks
 
 REQUIRED = ("object", "images", "silhouettes", "cameras")
