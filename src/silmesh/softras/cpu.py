@@ -77,7 +77,8 @@ class Line(NamedTuple):
 
     There, ``before`` = -u and ``after`` = u - length (positive past the ends) and ``across`` = v.
     In rows j and j + 1, pixels within the cutoff of the inner half-plane lie from
-    ``left + slope j`` or up to ``right + slope j``. ``before`` times ``share`` is the share of the way from a to b.
+    ``left + slope j`` or up to ``right + slope j``. ``before`` times ``share`` is the share of the
+    way from a to b.
     """
 
     before: float
