@@ -8,6 +8,7 @@ time stamps or where the checkout lies.
 import ast
 import hashlib
 from functools import cache
+from importlib.resources import files
 from importlib.util import find_spec, resolve_name
 from pathlib import Path
 
@@ -83,3 +84,8 @@ def _imports(module: str) -> list[str]:
             names += [base] + [f"{base}.{alias.name}" for alias in node.names]
     ours = [name for name in names if name.split(".")[0] == PACKAGE]
     return [".".join(name.split(".")[: i + 1]) for name in ours for i in range(name.count(".") + 1)]
+
+
+def file_digest(package: str, name: str) -> str:
+    """Digest of a file that a package of ours brings along: 16 hexadecimal digits."""
+    return hashlib.sha256((files(package) / name).read_bytes()).hexdigest()[:16]
