@@ -1,6 +1,7 @@
 """From a made-up object's distance function to a watertight mesh with colours."""
 
 from collections.abc import Callable
+from types import ModuleType
 
 import numpy as np
 import trimesh
@@ -58,7 +59,9 @@ def mesh_solid(
         low, high: corners of a box that holds the solid with a voxel to spare
         voxel: side of the cubes, in world units; about the length of the mesh's edges
     """
-    axes = [np.arange(a, b + voxel, voxel, dtype=np.float32) for a, b in zip(low, high, strict=True)]
+    axes = [
+        np.arange(a, b + voxel, voxel, dtype=np.float32) for a, b in zip(low, high, strict=True)
+    ]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     values = distance(grid.reshape(-1, 3)).reshape(grid.shape[:3])
     # A grid point right on the surface would make triangles without area.
@@ -78,7 +81,10 @@ def _pull_to_surface(
     reach = 0.25 * voxel
     for _ in range(times):
         slope = np.stack(
-            [distance(verts + step) - distance(verts - step) for step in reach * np.eye(3, dtype="f4")],
+            [
+                distance(verts + step) - distance(verts - step)
+                for step in reach * np.eye(3, dtype="f4")
+            ],
             axis=1,
         ) / (2 * reach)
         slope2 = np.maximum((slope**2).sum(axis=1), 0.1)
@@ -87,7 +93,7 @@ def _pull_to_surface(
     return verts
 
 
-def _find_module(name: str):  # noqa: ANN202
+def _find_module(name: str) -> ModuleType:
     if name not in _MODULES:
         raise InputError(f"{name!r} is no made-up object; there are {', '.join(_MODULES)}")
     return _MODULES[name]

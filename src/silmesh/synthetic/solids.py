@@ -6,6 +6,7 @@ functions* (iquilezles.org). Everywhere ``points`` is [n, 3] and a distance [n],
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,22 +17,22 @@ Point = Sequence[float]
 
 def sphere(points: Array, centre: Point, radius: float) -> Array:
     """Distance to a sphere."""
-    return np.linalg.norm(points - np.float32(centre), axis=1) - radius
+    return _norm(points - np.float32(centre)) - radius
 
 
 def ellipsoid(points: Array, centre: Point, radii: Point) -> Array:
     """Distance to an ellipsoid along the axes, to first order near its surface."""
     offset = points - np.float32(centre)
-    scaled = np.linalg.norm(offset / np.float32(radii), axis=1)
-    slope = np.linalg.norm(offset / np.float32(radii) ** 2, axis=1)
-    return scaled * (scaled - 1) / np.maximum(slope, 1e-6)
+    scaled = _norm(offset / np.float32(radii))
+    slope = _norm(offset / np.float32(radii) ** 2)
+    return (scaled - 1) * _ratio(scaled, slope)
 
 
 def ellipse(u: Array, v: Array, a: Array | float, b: Array | float) -> Array:
     """Distance in a plane to an ellipse of half axes a and b, to first order near it."""
     scaled = np.hypot(u / a, v / b)
     slope = np.hypot(u / a**2, v / b**2)
-    return scaled * (scaled - 1) / np.maximum(slope, 1e-6)
+    return (scaled - 1) * _ratio(scaled, slope)
 
 
 def limb(points: Array, start: Point, end: Point, radii: tuple[float, float]) -> Array:
@@ -39,7 +40,7 @@ def limb(points: Array, start: Point, end: Point, radii: tuple[float, float]) ->
     start, along = np.float32(start), np.float32(end) - np.float32(start)
     offset = points - start
     part = np.clip(offset @ along / (along @ along), 0, 1)
-    axis = np.linalg.norm(offset - part[:, None] * along, axis=1)
+    axis = _norm(offset - part[:, None] * along)
     return axis - (radii[0] + (radii[1] - radii[0]) * part)
 
 
@@ -47,7 +48,7 @@ def ring(points: Array, centre: Point, axis: int, radius: float, thickness: floa
     """Distance to a torus around the coordinate axis of this number."""
     offset = points - np.float32(centre)
     height = offset[:, axis]
-    out = np.linalg.norm(np.delete(offset, axis, axis=1), axis=1)
+    out = _norm(np.delete(offset, axis, axis=1))
     return np.hypot(out - radius, height) - thickness
 
 
@@ -64,7 +65,7 @@ def lathe(points: Array, profile: Array) -> Array:
     radius, y = np.hypot(points[:, 0], points[:, 2]), points[:, 1]
     nearest2 = np.full(len(points), np.inf, dtype=points.dtype)
     inside = np.zeros(len(points), dtype=bool)
-    for (r0, y0), (r1, y1) in zip(profile[:-1], profile[1:], strict=True):
+    for (r0, y0), (r1, y1) in pairwise(profile):
         dr, dy = r1 - r0, y1 - y0
         part = np.clip(((radius - r0) * dr + (y - y0) * dy) / (dr * dr + dy * dy), 0, 1)
         distance2 = (radius - r0 - part * dr) ** 2 + (y - y0 - part * dy) ** 2
@@ -102,3 +103,13 @@ def _fillet(a: Array, b: Array, width: float) -> Array | float:
     if not width:
         return 0.0
     return np.maximum(width - np.abs(a - b), 0) ** 2 / (4 * width)
+
+
+def _norm(vectors: Array) -> Array:
+    """Lengths of the rows: [n]."""
+    return np.sqrt(np.einsum("ij,ij->i", vectors, vectors))
+
+
+def _ratio(scaled: Array, slope: Array) -> Array:
+    """Their quotient, which tends to a half axis at the centre, where both are zero."""
+    return (scaled + 1e-6) / (slope + 1e-5)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from silmesh.synthetic.paints import Array, coat, cover, mix, rgb, speckle, step
+from silmesh.synthetic.paints import Array, cover, mix, rgb, speckle, step
 from silmesh.synthetic.solids import ellipsoid, limb, subtract, unite
 
 CENTRE = np.float32([0.075, -0.28, 0.065])
@@ -30,8 +30,8 @@ def paint(points: Array) -> Array:
     at = points - CENTRE
     up = at / np.linalg.norm(at, axis=1, keepdims=True)
     mottle = 0.6 * speckle(at, 0.03) + 0.4 * speckle(at, 0.009, seed=1)
-    colour = np.broadcast_to(rgb("f6a63c"), at.shape)
-    colour = mix(colour, rgb("f9c65a"), 0.5 - 0.5 * up[:, 1] + 0.2 * mottle)
+    colour = np.broadcast_to(rgb("f49a2c"), at.shape)
+    colour = mix(colour, rgb("f7b544"), 0.5 - 0.5 * up[:, 1] + 0.2 * mottle)
     blush = up @ np.float32([0.62, 0.38, 0.68]) + 0.28 * mottle
     colour = mix(colour, rgb("e2602a"), step(0.35, blush, 0.9))
     colour = mix(colour, rgb("c03a26"), 0.75 * step(0.75, blush, 0.7))

@@ -29,14 +29,14 @@ def distance(points: Array) -> Array:
 
 
 def paint(points: Array) -> Array:
-    """Green glass, a paper label in front and a small one behind, a red capsule with a gold ring."""
+    """Green glass, a paper label in front and a small one behind, a red and gold capsule."""
     x, y, z = points.T
     angle = np.arctan2(x, z)
     gold = rgb("d9b154")
-    paint = coat(points, rgb("3f7a4c"), 1.0)
-    paint[:, :3] = mix(paint[:, :3], rgb("6fae5c"), 0.6 * step(0.1, y, 0.25))
+    paint = coat(points, rgb("1f5a34"), 1.0)
+    paint[:, :3] = mix(paint[:, :3], rgb("4d9648"), 0.6 * step(0.1, y, 0.25))
     _paint_label(paint, angle, y)
-    cover(paint, step(0.249, y), rgb("9c2436"), 0.6)
+    cover(paint, step(0.249, y), rgb("8c1a2c"), 0.6)
     cover(paint, band(0.262, 0.27, y) + band(0.356, 0.366, y), gold, 0.8)
     return paint
 
@@ -61,9 +61,9 @@ def _paint_label(paint: Array, angle: Array, y: Array) -> None:
 @cache
 def _label() -> Array:
     lines = [
-        ("CHATEAU", 0.13, 0.2),
-        ("SILHOUETTE", 0.15, 0.36),
+        ("CHATEAU", 0.1, 0.2),
+        ("SILHOUETTE", 0.125, 0.35),
         ("grand cru", 0.09, 0.53),
-        ("2019", 0.13, 0.68),
+        ("2019", 0.12, 0.68),
     ]
     return print_label(lines, (LABEL[1] - LABEL[0]) / (2 * LABEL_HALF_ANGLE * RADIUS))

@@ -5,94 +5,101 @@ import numpy as np
 from silmesh.synthetic.paints import Array, band, coat, cover, rgb, step
 from silmesh.synthetic.solids import ellipse, ellipsoid, lathe, limb, round_corners, unite
 
-BOX = ((-0.5, -0.3, -0.5), (0.5, 0.36, 0.5))
+BOX = ((-0.5, -0.26, -0.5), (0.5, 0.3, 0.5))
 VOXEL = 0.0085
 
 FUSELAGE = round_corners(
-    [(0, -0.47), (0.012, -0.47), (0.03, -0.4), (0.07, -0.22), (0.075, -0.1), (0.075, 0.3),
+    [(0, -0.46), (0.012, -0.46), (0.03, -0.39), (0.07, -0.22), (0.075, -0.1), (0.075, 0.3),
      (0.07, 0.4), (0.045, 0.465), (0, 0.47)]
 )  # fmt: skip
-ENGINE = (0.185, -0.062, 0.115)  # of the mirrored half
+ENGINE = (0.185, -0.062, 0.115)  # the middle of the one on the side of positive x
+CLIMB, BANK = 9, 16  # degrees
 
 
-def _from_world() -> Array:
-    """Rotation from the world to the plane's own axes: x along a wing, y up, z to the nose."""
-    pitch, bank = np.radians(-9), np.radians(16)
-    cp, sp, cb, sb = np.cos(pitch), np.sin(pitch), np.cos(bank), np.sin(bank)
-    climb = np.array([[1, 0, 0], [0, cp, -sp], [0, sp, cp]])
-    roll = np.array([[cb, -sb, 0], [sb, cb, 0], [0, 0, 1]])
-    return (climb @ roll).T.astype(np.float32)
+def _own_axes() -> Array:
+    """Rows: the plane's own axes in the world, x along a wing, y up, z to the nose."""
+    (cc, sc), (cb, sb) = ((np.cos(a), np.sin(a)) for a in np.radians([CLIMB, BANK]))
+    climb = np.array([[1, 0, 0], [0, cc, sc], [0, -sc, cc]])
+    bank = np.array([[cb, -sb, 0], [sb, cb, 0], [0, 0, 1]])
+    return (climb @ bank).T.astype(np.float32)
 
 
-FROM_WORLD = _from_world()
+OWN_AXES = _own_axes()
 
 
 def distance(points: Array) -> Array:
-    """Signed distance, of one half mirrored."""
-    own = points @ FROM_WORLD.T
-    half = np.stack([np.abs(own[:, 0]), own[:, 1], own[:, 2]], axis=1)
+    """Signed distance: a hull turned on a lathe, wings, a tail and two engines."""
+    own = points @ OWN_AXES.T
+    half = own * np.where(own[:, :1] < 0, np.float32([-1, 1, 1]), 1)  # both sides are alike
     x, y, z = half.T
     hull = lathe(half[:, [0, 2, 1]], FUSELAGE)
-    wing = _plate(x, z, y + 0.03 - 0.1 * x, 0.455, (0.0, 0.22), (-0.14, -0.05), 0.017)
-    tail = _plate(x, z, y - 0.03, 0.18, (-0.43, -0.32), (-0.46, -0.4), 0.013)
-    fin = _plate(y, z, x, 0.225, (-0.43, -0.27), (-0.475, -0.405), 0.013)
-    engine = limb(half, _shift(ENGINE, 0.055), _shift(ENGINE, -0.055), (0.036, 0.027))
-    engine = np.maximum(engine, z - ENGINE[2] - 0.065)
-    pylon = ellipsoid(half, (0.185, -0.03, 0.1), (0.012, 0.035, 0.05))
-    body = unite(hull, wing, blend=0.03)
-    return unite(body, tail, fin, engine, pylon, blend=0.012)
+    wing = _wing(x, z, y + 0.03 - 0.1 * x, 0.455, (0.0, 0.22), (-0.14, -0.05), 0.017)
+    tail = _wing(x, z, y - 0.03, 0.18, (-0.43, -0.32), (-0.455, -0.39), 0.014)
+    fin = _wing(y, z, x, 0.22, (-0.43, -0.27), (-0.46, -0.38), 0.014)
+    front, back = (np.add(ENGINE, (0, 0, dz)) for dz in (0.055, -0.055))
+    engine = np.maximum(limb(half, front, back, (0.036, 0.027)), z - front[2] - 0.01)
+    pylon = ellipsoid(half, (ENGINE[0], -0.03, 0.1), (0.014, 0.035, 0.05))
+    return unite(unite(hull, wing, blend=0.03), tail, fin, engine, pylon, blend=0.012)
 
 
-def _shift(place: tuple[float, float, float], along: float) -> tuple[float, float, float]:
-    return place[0], place[1], place[2] + along
-
-
-def _plate(
-    out: Array, along: Array, up: Array, span: float, root: tuple, tip: tuple, thickness: float
+def _wing(
+    out: Array,
+    along: Array,
+    up: Array,
+    span: float,
+    root: tuple[float, float],
+    tip: tuple[float, float],
+    thickness: float,
 ) -> Array:
-    """A wing: an ellipse in each section, from the root's (rear, front) to the tip's."""
+    """Distance to a wing: elliptic sections, whose rear and front go from the root to the tip.
+
+    Args:
+        out, along, up: coordinates [n] from the root to the tip, from rear to front, across
+        span: from the root to the tip
+        root, tip: rear and front there
+        thickness: half of it
+    """
     part = np.clip(out / span, 0, 1)
     rear, front = (root[i] + (tip[i] - root[i]) * part for i in (0, 1))
     section = ellipse(along - (rear + front) / 2, up, (front - rear) / 2, thickness)
-    return unite_rounded_end(section, out - span)
-
-
-def unite_rounded_end(section: Array, beyond: Array) -> Array:
-    """The section as far as the tip."""
-    return np.maximum(section, beyond)
+    return np.maximum(section, np.maximum(out - span, -out))
 
 
 def paint(points: Array) -> Array:
     """White above and grey below, a blue and orange livery, windows, engines and cockpit."""
-    own = points @ FROM_WORLD.T
+    own = points @ OWN_AXES.T
     x, y, z = own.T
-    blue, orange, dark = rgb("1f4fa3"), rgb("f08a24"), rgb("2c3442")
     paint = coat(points, rgb("f3f5f7"), 0.7)
     hull = (np.abs(x) < 0.08) & (np.hypot(x, y) < 0.082)
-    cover(paint, (1 - step(-0.028, y)) * hull, rgb("b9c2cc"), 0.6)
-    cover(paint, band(-0.026, -0.012, y) * hull, blue, 0.7)
-    cover(paint, band(-0.034, -0.029, y) * hull, orange, 0.7)
-    windows = band(0.3, 0.75, (z / 0.026) % 1.0, 0.1) * band(0.008, 0.028, y) * band(-0.3, 0.36, z)
-    cover(paint, windows * (np.abs(x) > 0.05) * hull, dark, 0.9)
-    cockpit = band(0.015, 0.042, y) * band(0.405, 0.45, z) * (np.abs(np.abs(x) - 0.022) > 0.0025)
-    cover(paint, cockpit * hull, dark, 1.0)
-    wings = ~hull & (np.abs(x) > 0.08) & (z > -0.3)
-    cover(paint, 1.0 * wings, rgb("ccd3da"), 0.6)
-    cover(paint, wings * step(0.405, np.abs(x)), orange, 0.6)
-    tail = (z < -0.26) & ~hull
-    cover(paint, 1.0 * tail, blue, 0.6)
-    stripe = band(0.14, 0.165, y - 0.25 * (z + 0.4), 0.003)
-    cover(paint, stripe * (np.abs(x) < 0.03) * tail, orange, 0.6)
-    _paint_engines(paint, own, blue, dark)
+    cover(paint, ~hull & (z > -0.3), rgb("ccd3da"), 0.6)
+    cover(paint, ~hull & (z > -0.3) & (np.abs(x) > 0.405), ORANGE, 0.6)
+    cover(paint, ~hull & (z < -0.26), BLUE, 0.6)
+    stripe = band(0.14, 0.165, y - 0.25 * (z + 0.4), 0.003) * (np.abs(x) < 0.03) * (z < -0.26)
+    cover(paint, stripe, ORANGE, 0.6)
+    _paint_hull(paint, x, y, z, hull)
+    _paint_engines(paint, x, y, z)
     return paint
 
 
-def _paint_engines(paint: Array, own: Array, blue: Array, dark: Array) -> None:
-    """Blue nacelles with a bright lip and a dark fan."""
-    x, y, z = own.T
+ORANGE, BLUE, DARK = rgb("f08a24"), rgb("17449c"), rgb("1d2531")
+
+
+def _paint_hull(paint: Array, x: Array, y: Array, z: Array, hull: Array) -> None:
+    """Grey belly, two stripes, passengers' windows and the cockpit's."""
+    cover(paint, (1 - step(-0.028, y)) * hull, rgb("b9c2cc"), 0.6)
+    cover(paint, band(-0.026, -0.012, y) * hull, BLUE, 0.7)
+    cover(paint, band(-0.034, -0.029, y) * hull, ORANGE, 0.7)
+    row = band(0.3, 0.75, (z / 0.026) % 1.0, 0.1) * band(0.008, 0.028, y) * band(-0.3, 0.36, z)
+    cover(paint, row * hull * (np.abs(x) > 0.05), DARK, 0.9)
+    panes = np.abs(np.abs(x) - 0.022) > 0.0025
+    cover(paint, band(0.015, 0.042, y) * band(0.405, 0.45, z) * hull * panes, DARK, 1.0)
+
+
+def _paint_engines(paint: Array, x: Array, y: Array, z: Array) -> None:
+    """Blue, with a bright lip and a dark fan."""
     out = np.hypot(np.abs(x) - ENGINE[0], y - ENGINE[1])
-    nacelle = (1 - step(0.041, out)) * (y < -0.034) * (z > 0.02)
-    cover(paint, nacelle, blue, 0.8)
-    lip = step(ENGINE[2] + 0.05, z)
-    cover(paint, nacelle * lip, rgb("dfe4e8"), 0.9)
-    cover(paint, nacelle * step(ENGINE[2] + 0.062, z) * (1 - step(0.024, out)), dark, 0.3)
+    engine = (1 - step(0.041, out)) * (y < -0.034) * (z > 0.02)
+    front = z - ENGINE[2]
+    cover(paint, engine, BLUE, 0.8)
+    cover(paint, engine * step(0.05, front), rgb("dfe4e8"), 0.9)
+    cover(paint, engine * step(0.062, front) * (1 - step(0.024, out)), DARK, 0.3)

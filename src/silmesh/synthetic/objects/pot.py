@@ -16,22 +16,25 @@ LID = round_corners(
     [(0, 0.05), (0.29, 0.05), (0.312, 0.055), (0.312, 0.08), (0.25, 0.1), (0.14, 0.145),
      (0.05, 0.15), (0.028, 0.16), (0.028, 0.18), (0, 0.18)]
 )  # fmt: skip
-HANDLES = (-0.388, 0.388)  # x of the middle of each ring
 FLOWERS = 10  # around the belly
 
 
 def distance(points: Array) -> Array:
     """Signed distance: body, lid and knob turned on a lathe, two rings as handles."""
-    body = unite(lathe(points, BODY), lathe(points, LID))
+    body = unite(lathe(points, BODY), lathe(points, LID), blend=0.02)
     knob = ellipsoid(points, (0, 0.2, 0), (0.052, 0.036, 0.052))
-    rings = [ring(points, (x, -0.085, 0), 2, 0.074, 0.023) for x in HANDLES]
-    return unite(unite(body, knob, blend=0.015), *rings, blend=0.02)
+    return unite(unite(body, knob, blend=0.015), _handles(points), blend=0.02)
+
+
+def _handles(points: Array) -> Array:
+    """Distance to the two rings."""
+    return unite(*(ring(points, (x, -0.085, 0), 2, 0.074, 0.023) for x in (-0.388, 0.388)))
 
 
 def paint(points: Array) -> Array:
     """White glaze with blue bands, a frieze of flowers and a bare foot of clay."""
     x, y, z = points.T
-    blue, orange = rgb("2b57a8"), rgb("e08a2e")
+    blue, orange = rgb("1d4596"), rgb("e08a2e")
     paint = coat(points, rgb("f1ead8"), 0.8)
     paint[:, :3] += 0.02 * speckle(points, 0.05)[:, None]
     angle = np.arctan2(x, z)
@@ -47,9 +50,7 @@ def paint(points: Array) -> Array:
     ]:  # fmt: skip
         cover(paint, band(low, high, value), blue, 0.8)
     cover(paint, step(0.162, y) * (out < 0.1), blue, 0.9)
-    ring_out = np.hypot(np.abs(x) - HANDLES[1], y + 0.085)
-    handle = band(0.04, 0.11, ring_out) * step(0.03, np.abs(x) - 0.36) * (np.abs(z) < 0.03)
-    cover(paint, handle, blue, 0.8)
+    cover(paint, 1 - step(0.004, _handles(points)), blue, 0.8)
     cover(paint, 1 - step(-0.405, y), rgb("a9673f"), 0.1)
     return paint
 

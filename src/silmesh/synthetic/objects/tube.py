@@ -22,11 +22,11 @@ def distance(points: Array) -> Array:
     x, y, z = points.T
     part = np.clip((y - SHOULDER) / (CRIMP - SHOULDER), 0, 1)
     wide = RADIUS * (1 + (np.pi / 2 - 1) * part)
-    thick = np.maximum(RADIUS * np.sqrt(np.maximum(1 - part**1.7, 0)), 0.014)
+    thick = np.maximum(RADIUS * np.sqrt(np.maximum(1 - part**1.7, 0)), 0.018)
     below = np.maximum(SHOULDER + 0.03 - y, 0) / 0.05  # the bag rounds off towards the cap
     side = ellipse(x, z, wide, thick) + 0.03 * below**2
     seam = np.maximum(np.maximum(np.abs(x) - np.pi / 2 * RADIUS, np.abs(z) - 0.014), CRIMP - y)
-    bag = np.maximum(unite(side, seam), np.maximum(y - TOP, SHOULDER - 0.02 - y))
+    bag = np.maximum(unite(side, seam, blend=0.012), np.maximum(y - TOP, SHOULDER - 0.02 - y))
     angle = np.arctan2(x, z)
     ribs = 0.0025 * np.cos(40 * angle) * band(-0.385, -0.27, y, 0.01)
     return unite(bag, lathe(points, CAP) + ribs, blend=0.006)
@@ -37,7 +37,7 @@ def paint(points: Array) -> Array:
     x, y, z = points.T
     teal, dark, coral = rgb("1d9a94"), rgb("155e63"), rgb("ef6f5c")
     paint = coat(points, rgb("f4f3ee"), 0.7)
-    wave = y + 0.16 + 0.022 * np.sin(9 * x + np.where(z > 0, 0.0, 1.5))
+    wave = y + 0.15 + 0.025 * np.sin(2 * np.arctan2(x, z))
     cover(paint, 1 - step(0.0, wave), rgb("8ed3c7"), 0.7)
     cover(paint, 1 - step(-0.03, wave), teal, 0.7)
     cover(paint, band(0.008, 0.016, wave), coral, 0.7)
@@ -47,8 +47,7 @@ def paint(points: Array) -> Array:
     leaf = 1 - step(0.0, np.hypot(np.abs(x) + 0.012, y - 0.235) - 0.026)
     cover(paint, disc * (1 - leaf), teal, 0.7)
     stripes = 0.5 + 0.5 * np.cos(y * (2 * np.pi / 0.012))
-    cover(paint, step(CRIMP + 0.005, y), mix(coat(points, teal, 0)[:, :3], rgb("7cc9c0"), stripes)
-          if False else teal, 0.5)
+    cover(paint, step(CRIMP + 0.005, y), teal, 0.5)
     cover(paint, step(CRIMP + 0.005, y) * step(0.5, stripes, 0.6), rgb("6fc2b9"), 0.5)
     cover(paint, 1 - step(SHOULDER - 0.012, y), coral, 0.5)
     return paint
@@ -63,9 +62,9 @@ def _ink(x: Array, y: Array, z: Array) -> Array:
 @cache
 def _label() -> Array:
     lines = [
-        ("SOFTRA", 0.2, 0.16),
-        ("hand cream", 0.115, 0.38),
-        ("with apricot oil", 0.085, 0.55),
-        ("75 ml", 0.085, 0.78),
+        ("SILMESH", 0.22, 0.15),
+        ("hand cream", 0.15, 0.38),
+        ("with apricot oil", 0.11, 0.58),
+        ("75 ml", 0.11, 0.82),
     ]
     return print_label(lines, 1.0)
