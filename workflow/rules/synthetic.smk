@@ -2,6 +2,8 @@
 # makes     photographs and masks of a made-up object on a turntable, and its true mesh
 # runs      silmesh.steps.synthetic
 
+from pathlib import Path
+
 
 rule synthetic:
     output:
@@ -15,8 +17,8 @@ rule synthetic:
         ),
         truth="resources/synthetic/truth/{name}.ply",
     params:
-        images=subpath(output.images[0], parent=True),
-        masks=subpath(output.masks[0], parent=True),
+        images=lambda w, output: Path(output.images[0]).parent,
+        masks=lambda w, output: Path(output.masks[0]).parent,
         code=code_digest("silmesh.steps.synthetic"),
     log:
         "logs/synthetic/{name}.log",
