@@ -11,7 +11,6 @@ from silmesh.plan import Plan
 from silmesh.provenance import code_digest, file_digest
 from silmesh.synthetic.layout import turntable_angles
 
-
 min_version("9.10")
 
 

@@ -16,13 +16,13 @@ rule synthetic:
             angle=turntable_angles(),
         ),
         truth="resources/synthetic/truth/{name}.ply",
+    log:
+        "logs/synthetic/{name}.log",
+    priority: 20
     params:
         images=lambda w, output: Path(output.images[0]).parent,
         masks=lambda w, output: Path(output.masks[0]).parent,
         code=code_digest("silmesh.steps.synthetic"),
-    log:
-        "logs/synthetic/{name}.log",
-    priority: 20
     message:
         "{wildcards.name}: making the object and its photographs"
     shell:
