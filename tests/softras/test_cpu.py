@@ -26,7 +26,7 @@ def make_sphere(count, size, distance=2.732, angle=15.0):
     return (focal * verts[:, :2] / (verts[:, 2:] + distance) + middle)[None], faces
 
 
-def make_soup(size, seed=0):
+def make_soup(size, huge, seed=0):
     """Huge, middling, tiny, off-screen and collapsed faces, and some that are not finite."""
     generator = torch.Generator().manual_seed(seed)
     centres = torch.rand(2, 120, 1, 2, generator=generator) * max(size) * 1.4 - max(size) * 0.2
@@ -48,9 +48,9 @@ def make_soup(size, seed=0):
 SCENES = {
     "sphere": lambda: (*make_sphere(200, (64, 64)), (64, 64), 1e-4),
     "soft sphere": lambda: (*make_sphere(100, (40, 64)), (40, 64), 1e-2),
-    "soup": lambda: (*make_soup((120, 90)), (120, 90), 1e-4),
-    "sharp soup": lambda: (*make_soup((61, 83), seed=1), (61, 83), 1e-5),
-    "large image": lambda: (*make_soup((60, 1024), seed=2), (60, 1024), 1e-5),
+    "soup": lambda: (*make_soup((120, 90), 1000.0), (120, 90), 1e-4),
+    "sharp soup": lambda: (*make_soup((61, 83), 80.0, seed=1), (61, 83), 1e-5),
+    "large image": lambda: (*make_soup((60, 1024), 3000.0, seed=2), (60, 1024), 1e-5),
 }
 
 

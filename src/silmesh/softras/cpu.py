@@ -7,7 +7,8 @@ The equations are those of ``silmesh.softras.reference``. What is particular her
   of the faces of a pixel or of the pixels of a face: memory grows with views x pixels alone.
 - A face is drawn in windows of at most 64 x 64 pixels. Their origins are set in float64, so within
   a window distances in float32 are right to about 1e-6 pixel however large the face. (The foot of
-  the gradient's p - c is placed along its edge to 1e-7 of the edge's length.)
+  the gradient's p - c is placed along its edge to 1e-7 of the edge's length, which shows only where
+  sqrt(sigma) is a thousandth of that length.)
 - In each row of a window only the span that lies within the cutoff of all three edges' half-planes
   is visited, eight pixels at a time, without branches.
 
