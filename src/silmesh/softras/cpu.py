@@ -6,7 +6,9 @@ The equations are those of ``silmesh.softras.reference``. What is particular her
 - 1 / (1 - D) = 1 + 2^z, so a view keeps the product P = 1 / T of these in one image, and no list
   of the faces of a pixel or of the pixels of a face: memory grows with views x pixels alone.
 - A face is drawn in windows of at most 64 x 64 pixels. Their origins are set in float64, so within
-  a window float32 is exact to about 1e-6 pixel however large the face.
+  a window distances in float32 are right to about 1e-6 pixel however large the face. (The foot of
+  the gradient's p - c is placed along its edge to 1e-7 of the edge's length, which shows only where
+  sqrt(sigma) is a thousandth of that length.)
 - In each row of a window only the span that lies within the cutoff of all three edges' half-planes
   is visited, eight pixels at a time, without branches.
 
@@ -41,7 +43,7 @@ from silmesh.softras.lanes import (
     total,
     where_less,
 )
-from silmesh.softras.reference import CUTOFF, THIN
+from silmesh.softras.reference import CUTOFF, THIN, TIE
 
 WINDOW = 64  # pixels
 LOG2_E = math.log2(math.e)
@@ -53,6 +55,7 @@ FAR = 1e9  # pixels: no bound
 SLACK = 0.01  # pixels: spans are wider by this, so that rounding loses no pixel
 LEVEL = 0.02  # an edge that rises less than this bounds no span
 
+# numba's cache on disk does not see edits of ``lanes`` or ``reference``: touch this file after them
 _jit = njit(nogil=True, cache=True, fastmath={"contract"}, error_model="numpy")
 
 
@@ -121,7 +124,10 @@ def _make_edge(ax, ay, bx, by, sign, scale):
 
 @_jit
 def _make_edges(a, b, c, scale):
-    """The edges of a triangle, and the v above which a pixel is inside: no v if it is thin."""
+    """The edges of a triangle, the v above which a pixel is inside, and what breaks ties.
+
+    A thin triangle has no inside, and of its edges the first is preferred (see ``reference``).
+    """
     area2 = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
     sign = -1.0 if area2 < 0 else 1.0
     ab = _make_edge(a[0], a[1], b[0], b[1], sign, scale)
@@ -129,7 +135,9 @@ def _make_edges(a, b, c, scale):
     ca = _make_edge(c[0], c[1], a[0], a[1], sign, scale)
     longest = max(ab.length, bc.length, ca.length)
     thick = abs(area2) * scale * scale > THIN_Z * longest
-    return (ab, bc, ca), np.float32(0.0 if thick else np.inf)
+    if thick:
+        return (ab, bc, ca), np.float32(0.0), np.float32(1.0)
+    return (ab, bc, ca), np.float32(np.inf), np.float32(TIE)
 
 
 @_jit
@@ -173,8 +181,8 @@ def _see_line(edge, x, y):
         np.float32(edge.uy),
         np.float32(edge.vx),
         np.float32(edge.vy),
-        np.float32(left),
-        np.float32(right),
+        np.float32(min(left, FAR)),
+        np.float32(max(right, -FAR)),
         np.float32(slope),
         np.float32(-1.0 / edge.length if edge.length > 0 else 0.0),
     )
@@ -186,6 +194,8 @@ def _find_span(ab, bc, ca, j, width):
     low = max(ab.left + ab.slope * j, bc.left + bc.slope * j, ca.left + ca.slope * j)
     high = min(ab.right + ab.slope * j, bc.right + bc.slope * j, ca.right + ca.slope * j)
     first = np.int64(max(low, np.float32(0)))
+    if width == WINDOW:
+        first -= first % COLUMNS  # so that no block reaches into the next window
     last = np.int64(min(high, np.float32(width - 1)))
     return first, (last - first + COLUMNS) // COLUMNS if last >= first else 0
 
@@ -266,7 +276,7 @@ def _fill_product(points, faces, size, scale, product):
         faces: [faces, 3] int64
         size: height and width
         scale: from pixels to lengths whose square is z
-        product: flat float32 of ``_count_padded(size)``, written
+        product: float32, flat, of ``_count_padded(size)`` pixels, written
     """
     height, width = size
     stride = width + COLUMNS
@@ -280,7 +290,7 @@ def _fill_product(points, faces, size, scale, product):
         y0, y1 = _find_pixels(a[1], b[1], c[1], radius, height)
         if x0 >= x1 or y0 >= y1:
             continue
-        edges, inside = _make_edges(a, b, c, scale)
+        edges, inside, _ = _make_edges(a, b, c, scale)
         for y in range(y0, y1, WINDOW):
             for x in range(x0, x1, WINDOW):
                 lines = _see_lines(edges, x, y)
@@ -289,7 +299,7 @@ def _fill_product(points, faces, size, scale, product):
 
 
 @_jit
-def _sum_window(weight, start, stride, lines, inside, corners, extent):
+def _sum_window(weight, start, stride, lines, inside, tie, corners, extent):
     """Sum over a window: w (p - c) times the barycentric coordinates of c, the nearest point.
 
     w is ``weight`` times D with the sign of z. Returns the sums of all, of a's share and of b's.
@@ -300,6 +310,7 @@ def _sum_window(weight, start, stride, lines, inside, corners, extent):
     zero = splat(np.float32(0))
     one = splat(np.float32(1))
     inside = splat(inside)
+    tie = splat(tie)
     sum_x, sum_y, sum_ax, sum_ay, sum_bx, sum_by = zero, zero, zero, zero, zero, zero
     for row in range(0, height, ROWS):
         first, blocks = _find_span(ab, bc, ca, np.float32(row), width)
@@ -320,19 +331,21 @@ def _sum_window(weight, start, stride, lines, inside, corners, extent):
             s_bc, v_bc, d_bc = _measure(row_bc, i)
             s_ca, v_ca, d_ca = _measure(row_ca, i)
             others = smaller(d_bc, d_ca)
+            rival_ab = d_ab * tie
+            rival_bc = d_ca * tie
             across = smaller(smaller(v_ab, v_bc), v_ca)
             odds = _odds(smaller(d_ab, others), across, inside)
             w = w * odds / (one + odds)
             w = where_less(inside, across, w, zero - w)
 
             # barycentric coordinates of the nearest point: s of the way along the nearest edge
-            s = where_less(d_bc, d_ca, s_bc * splat(bc.share), s_ca * splat(ca.share))
-            s = where_less(others, d_ab, s, s_ab * splat(ab.share))
+            s = where_less(d_bc, rival_bc, s_bc * splat(bc.share), s_ca * splat(ca.share))
+            s = where_less(others, rival_ab, s, s_ab * splat(ab.share))
             s = smaller(larger(s, zero), one)
-            on_a = where_less(d_bc, d_ca, zero, s)
-            on_b = where_less(d_bc, d_ca, one - s, zero)
-            on_a = where_less(others, d_ab, on_a, one - s)
-            on_b = where_less(others, d_ab, on_b, s)
+            on_a = where_less(d_bc, rival_bc, zero, s)
+            on_b = where_less(d_bc, rival_bc, one - s, zero)
+            on_a = where_less(others, rival_ab, on_a, one - s)
+            on_b = where_less(others, rival_ab, on_b, s)
 
             x = minus_product(minus_product(i - splat(cx), on_a, splat(ax)), on_b, splat(bx))
             y = minus_product(minus_product(below, on_a, splat(ay)), on_b, splat(by))
@@ -363,7 +376,7 @@ def _fill_gradient(points, faces, size, scale, weight, gradient):
 
     Args:
         points, faces, size, scale: as in ``_fill_product``
-        weight: flat float32 of ``_count_padded(size)``, T times the gradient with respect to alpha
+        weight: float32, laid out as ``product``: T times the gradient with respect to alpha
         gradient: [verts, 2] float32, added to
     """
     height, width = size
@@ -377,14 +390,14 @@ def _fill_gradient(points, faces, size, scale, weight, gradient):
         y0, y1 = _find_pixels(a[1], b[1], c[1], radius, height)
         if x0 >= x1 or y0 >= y1:
             continue
-        edges, inside = _make_edges(a, b, c, scale)
+        edges, inside, tie = _make_edges(a, b, c, scale)
         for y in range(y0, y1, WINDOW):
             for x in range(x0, x1, WINDOW):
                 lines = _see_lines(edges, x, y)
                 corners = _see_corners(a, b, c, x, y)
                 extent = min(WINDOW, y1 - y), min(WINDOW, x1 - x)
                 gx, gy, gax, gay, gbx, gby = _sum_window(
-                    weight, y * stride + x, stride, lines, inside, corners, extent
+                    weight, y * stride + x, stride, lines, inside, tie, corners, extent
                 )
                 gradient[faces[face, 0], 0] += gax
                 gradient[faces[face, 0], 1] += gay
@@ -437,7 +450,7 @@ class _SoftSilhouettes(torch.autograd.Function):
         height, width = size
         ctx.scale = math.sqrt(LOG2_E / sigma) / (max(size) / 2)
         alpha = points.new_empty(len(points), height, width)
-        product = points.new_empty(len(points), (height + ROWS) * (width + COLUMNS))
+        product = points.new_empty(len(points), _count_padded(size))
         ctx.save_for_backward(points, faces, product)
         arrays = points.numpy(), faces.numpy(), product.numpy(), alpha.numpy()
 
@@ -465,6 +478,12 @@ class _SoftSilhouettes(torch.autograd.Function):
 
         _run(draw_back, len(points))
         return gradient, None, None, None
+
+
+def _count_padded(size: tuple[int, int]) -> int:
+    """Pixels of an image whose last blocks may reach beyond its right and lower sides."""
+    height, width = size
+    return (height + ROWS) * (width + COLUMNS)
 
 
 def _run(work: Callable[[int], None], views: int) -> None:

@@ -19,7 +19,9 @@ On an edge from a to b, c = a + s (b - a) is the point nearest to p, s in [0, 1]
 
     d(d^2) / da = -2 (1 - s) (p - c)        d(d^2) / db = -2 s (p - c)
 
-which autograd finds with s held fixed, since d^2 is stationary in s or s is at a bound.
+which autograd finds with s held fixed, since d^2 is stationary in s or s is at a bound. Edges of a
+thin face may coincide; there the first in the order ab, ca, bc counts as the nearest unless another
+is nearer by more than a rounding (TIE).
 
 The image is worked through in tiles, each with the faces that reach it, so memory is bounded by
 TILE^2 x FACES; the tiles are computed anew for the gradient.
@@ -35,6 +37,7 @@ from torch.utils.checkpoint import checkpoint
 
 CUTOFF = math.log(1e4 - 1)
 THIN = 2e-3
+TIE = 1 - 2**-15
 TILE = 32  # pixels
 FACES = 2048
 
@@ -116,10 +119,14 @@ def measure(pixels: Tensor, triangles: Tensor, sigma: float) -> tuple[Tensor, Te
         cp = ap - s.detach().clamp(0, 1).unsqueeze(-1) * edge
         distances.append((cp * cp).sum(dim=-1))
         sides.append(cross(edge, ap).detach())
-    distance2 = torch.minimum(torch.minimum(*distances[:2]), distances[2])
+    thick = is_thick(triangles.detach(), sigma)
+    tie = torch.where(thick, 1.0, TIE).to(triangles)
+    ab, bc, ca = distances
+    others = torch.where(bc < ca * tie, bc, ca)
+    distance2 = torch.where(others < ab * tie, others, ab)
     left = (sides[0] > 0) & (sides[1] > 0) & (sides[2] > 0)
     right = (sides[0] < 0) & (sides[1] < 0) & (sides[2] < 0)
-    return distance2, (left | right) & is_thick(triangles.detach(), sigma)
+    return distance2, (left | right) & thick
 
 
 def is_thick(triangles: Tensor, sigma: float) -> Tensor:
