@@ -38,7 +38,7 @@ KEY, FILL, SKY, GROUND = 1.0, 0.2, 0.42, 0.12  # strengths
 LAMP_SIZE = 0.15  # radius of the key lamp over its distance: softens the shadows
 LAMP_RAYS, SKY_RAYS = 8, 64  # from each vertex, for shadows and for occlusion
 DARKEST = 0.17  # of 0..1 on the screen: the room's stray light on black parts
-SENSOR_NOISE = (0.7, 1.6)  # grey levels, on the background and on the object
+SENSOR_NOISE = (0.5, 1.6)  # grey levels, on the background and on the object
 
 
 def turntable_cameras(

@@ -44,7 +44,7 @@ def paint(points: Array) -> Array:
 def _paint_label(paint: Array, angle: Array, y: Array) -> None:
     """The front label with its frame and text, and the plain one behind."""
     low, high = LABEL
-    side = np.minimum(LABEL_HALF_ANGLE - np.abs(angle), 9) * RADIUS
+    side = (LABEL_HALF_ANGLE - np.abs(angle)) * RADIUS
     inside = np.minimum(side, np.minimum(y - low, high - y))  # distance from the label's edge
     cover(paint, step(0.0, inside), rgb("f3ead2"), 0.12)
     cover(paint, band(0.008, 0.012, inside), rgb("c39a3d"), 0.4)

@@ -14,6 +14,7 @@ FUSELAGE = round_corners(
 )  # fmt: skip
 ENGINE = (0.185, -0.062, 0.115)  # the middle of the one on the side of positive x
 CLIMB, BANK = 9, 16  # degrees
+ORANGE, BLUE, DARK = rgb("f08a24"), rgb("17449c"), rgb("1d2531")
 
 
 def _own_axes() -> Array:
@@ -79,9 +80,6 @@ def paint(points: Array) -> Array:
     _paint_hull(paint, x, y, z, hull)
     _paint_engines(paint, x, y, z)
     return paint
-
-
-ORANGE, BLUE, DARK = rgb("f08a24"), rgb("17449c"), rgb("1d2531")
 
 
 def _paint_hull(paint: Array, x: Array, y: Array, z: Array, hull: Array) -> None:

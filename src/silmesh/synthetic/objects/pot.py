@@ -17,6 +17,7 @@ LID = round_corners(
      (0.05, 0.15), (0.028, 0.16), (0.028, 0.18), (0, 0.18)]
 )  # fmt: skip
 FLOWERS = 10  # around the belly
+BELLY = 0.38  # its radius about where they are
 
 
 def distance(points: Array) -> Array:
@@ -58,10 +59,10 @@ def paint(points: Array) -> Array:
 def _flowers(angle: Array, y: Array) -> tuple[Array, Array]:
     """Petals and hearts of a row of flowers around the belly, each 1 where they are."""
     turn = angle / (2 * np.pi) * FLOWERS
-    across = (turn - np.round(turn)) * (2 * np.pi * 0.38 / FLOWERS)
+    across = (turn - np.round(turn)) * (2 * np.pi * BELLY / FLOWERS)
     up = y + 0.165
     out, around = np.hypot(across, up), np.arctan2(up, across)
     petals = 1 - step(0.0, out - 0.055 * (0.62 + 0.38 * np.cos(6 * around)), 0.003)
-    dots = 1 - step(0.012, np.hypot(np.abs(across) - np.pi * 0.38 / FLOWERS, up), 0.003)
+    dots = 1 - step(0.012, np.hypot(np.abs(across) - np.pi * BELLY / FLOWERS, up), 0.003)
     hearts = 1 - step(0.016, out, 0.003)
     return petals * (1 - hearts), np.maximum(hearts, dots)
