@@ -38,13 +38,13 @@ def paint(points: Array) -> Array:
     colour = mix(colour, rgb("c03a26"), 0.75 * step(0.75, blush, 0.7))
     colour = mix(colour, rgb("b4461f"), 0.4 * _crease_depth(at))
     colour = mix(colour, rgb("a83a1c"), 0.55 * step(0.62, speckle(at, 0.006, seed=2), 0.25) * blush)
-    paint = np.concatenate([colour, np.full((len(at), 1), 0.22, dtype="f4")], axis=1)
-    cover(paint, 1 - step(0.002, limb(at, *STEM), 0.004), rgb("7a5632"), 0.1)
+    skin = np.concatenate([colour, np.full((len(at), 1), 0.22, dtype="f4")], axis=1)
+    cover(skin, 1 - step(0.002, limb(at, *STEM), 0.004), rgb("7a5632"), 0.1)
     vein = np.abs(at[:, 2] - LEAF[2]) < 0.0022
     green = mix(np.broadcast_to(rgb("5f9a3a"), at.shape), rgb("a5cc74"), vein.astype("f4"))
     leaf = 1 - step(0.002, _leaf(at), 0.003)
-    paint[:, :3] = mix(paint[:, :3], green, leaf)
-    return paint.astype(np.float32)
+    skin[:, :3] = mix(skin[:, :3], green, leaf)
+    return skin.astype(np.float32)
 
 
 def _crease_depth(at: Array) -> Array:

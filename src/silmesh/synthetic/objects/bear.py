@@ -56,15 +56,15 @@ def _scarf(points: Array) -> Array:
 def paint(points: Array) -> Array:
     """Brown wool with lighter patches, a striped scarf, black eyes and nose."""
     half = _mirrored(points)
-    paint = coat(points, rgb("a86a34"), 0.03)
-    cover(paint, 1 - step(0.003, _patches(half), 0.008), rgb("e9cf9f"), 0)
+    skin = coat(points, rgb("a86a34"), 0.03)
+    cover(skin, 1 - step(0.003, _patches(half), 0.008), rgb("e9cf9f"), 0)
     wool = 0.10 * speckle(points, 0.008) + 0.09 * speckle(points, 0.02, seed=1)
-    paint[:, :3] *= 1 + wool[:, None]
-    _paint_scarf(paint, points)
-    _paint_mouth(paint, half)
-    cover(paint, 1 - step(0.025, sphere(half, EYE, 0)), BLACK, 1.0)
-    cover(paint, 1 - step(0.002, ellipsoid(half, *NOSE)), BLACK, 0.6)
-    return paint
+    skin[:, :3] *= 1 + wool[:, None]
+    _paint_scarf(skin, points)
+    _paint_mouth(skin, half)
+    cover(skin, 1 - step(0.025, sphere(half, EYE, 0)), BLACK, 1.0)
+    cover(skin, 1 - step(0.002, ellipsoid(half, *NOSE)), BLACK, 0.6)
+    return skin
 
 
 def _patches(half: Array) -> Array:
@@ -74,22 +74,22 @@ def _patches(half: Array) -> Array:
     return unite(ellipsoid(half, *MUZZLE), belly, toes, sphere(half, *EAR_HOLLOW))
 
 
-def _paint_mouth(paint: Array, half: Array) -> None:
+def _paint_mouth(skin: Array, half: Array) -> None:
     """A smile below the nose, and the line from it up to the nose."""
     x, y, z = half.T
     smile = band(-0.0035, 0.0035, y - SMILE_HEIGHT - 14 * x**2) * (x < 0.036)
     line = band(SMILE_HEIGHT, NOSE[0][1], y) * (x < 0.003)
-    cover(paint, (smile + line) * (z > 0.16), rgb("4a2c1a"), 0)
+    cover(skin, (smile + line) * (z > 0.16), rgb("4a2c1a"), 0)
 
 
-def _paint_scarf(paint: Array, points: Array) -> None:
+def _paint_scarf(skin: Array, points: Array) -> None:
     """Red with white stripes, across the collar and across the hanging end."""
     wool = 1 - step(0.003, _scarf(points), 0.003)
     x, y, z = points.T
     along = np.where(y > 0.035, np.arctan2(x, z) / 0.35, y / 0.035)
     stripes = band(0.3, 0.55, along % 1.0, 0.05)
-    cover(paint, wool, rgb("c8323a"), 0.05)
-    cover(paint, wool * stripes, rgb("f3ead9"), 0.05)
+    cover(skin, wool, rgb("c8323a"), 0.05)
+    cover(skin, wool * stripes, rgb("f3ead9"), 0.05)
 
 
 def _mirrored(points: Array) -> Array:
