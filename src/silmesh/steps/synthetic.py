@@ -31,7 +31,8 @@ def main(argv: list[str] | None = None) -> None:
         masks.mkdir()
         pictures = photograph(mesh, cameras, find_paint(args.object))
         for name, (image, mask) in zip(names, pictures, strict=True):
-            Image.fromarray(image).save(images / name)
+            # Noise hardly compresses: more effort would take longer and save little.
+            Image.fromarray(image).save(images / name, compress_level=1)
             Image.fromarray(mask).save(masks / name)
         mesh.export(truth)
 

@@ -63,7 +63,7 @@ def mesh_solid(
         np.arange(a, b + voxel, voxel, dtype=np.float32) for a, b in zip(low, high, strict=True)
     ]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
-    values = distance(grid.reshape(-1, 3)).reshape(grid.shape[:3])
+    values = np.stack([distance(layer.reshape(-1, 3)) for layer in grid]).reshape(grid.shape[:3])
     # A grid point right on the surface would make triangles without area.
     values[np.abs(values) < 1e-4 * voxel] = 1e-4 * voxel
     verts, faces, *_ = marching_cubes(values, level=0.0, spacing=(voxel,) * 3)

@@ -1,7 +1,7 @@
 """Colours by position: what the made-up objects are painted with.
 
-A paint takes points [n, 3] on an object and gives [n, 4] float32: red, green and blue in 0..1 as
-a screen shows them (sRGB), and the shine, from 0 (wool) to 1 (glazed).
+A paint takes points [n, 3] on an object and gives their skin, [n, 4] float32: red, green and blue
+in 0..1 as a screen shows them (sRGB), and the shine, from 0 (wool) to 1 (glazed).
 """
 
 from collections.abc import Sequence
@@ -31,9 +31,9 @@ def mix(under: Colour, over: Colour, weight: Array) -> Colour:
     return under + np.clip(weight, 0, 1)[:, None].astype(np.float32) * (over - under)
 
 
-def cover(paint: Colour, where: Array, colour: Colour, shine: float) -> None:
-    """Cover a paint [n, 4], in place, by a colour and a shine where ``where`` [n] is 1."""
-    paint[:] = mix(paint, np.append(colour, np.float32(shine)), where)
+def cover(skin: Colour, where: Array, colour: Colour, shine: float) -> None:
+    """Cover a skin [n, 4], in place, by a colour and a shine where ``where`` [n] is 1."""
+    skin[:] = mix(skin, np.append(colour, np.float32(shine)), where)
 
 
 def step(edge: float, value: Array, width: float = 0.002) -> Array:

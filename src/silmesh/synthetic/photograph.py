@@ -38,7 +38,7 @@ KEY, FILL, SKY, GROUND = 1.0, 0.2, 0.42, 0.12  # strengths
 LAMP_SIZE = 0.15  # radius of the key lamp over its distance: softens the shadows
 LAMP_RAYS, SKY_RAYS = 8, 64  # from each vertex, for shadows and for occlusion
 DARKEST = 0.17  # of 0..1 on the screen: the room's stray light on black parts
-SENSOR_NOISE = (0.7, 1.6)  # grey levels, on the background and on the object
+SENSOR_NOISE = (0.5, 1.6)  # grey levels, on the background and on the object
 
 
 def turntable_cameras(
@@ -151,10 +151,10 @@ class _Studio:
         at_verts = np.column_stack([self.normals, self.openness, lit])
         at_hits = _interpolate(at_verts, corners, weights)
         ways = directions[hit]
-        coat = self.paint(camera.centres[0].numpy().astype("f4") + rays["tfar"][hit, None] * ways)
+        skin = self.paint(camera.centres[0].numpy().astype("f4") + rays["tfar"][hit, None] * ways)
         normals, openness, lit = at_hits[:, :3], at_hits[:, 3], at_hits[:, 4]
         seen = np.zeros((len(directions), 4), dtype=np.float32)
-        seen[hit, :3] = shade(coat, _unit(normals), -_unit(ways), R, openness, lit)
+        seen[hit, :3] = shade(skin, _unit(normals), -_unit(ways), R, openness, lit)
         seen[hit, 3] = 1
         return seen
 
@@ -173,12 +173,12 @@ class _Studio:
 
 
 def shade(
-    coat: Array, normals: Array, to_eye: Array, R: Array, openness: Array, lit: Array
+    skin: Array, normals: Array, to_eye: Array, R: Array, openness: Array, lit: Array
 ) -> Array:
     """Light that a surface sends to the eye, as a screen shows it: [n, 3] in 0..1.
 
     Args:
-        coat: [n, 4] colour and shine, as a paint gives them
+        skin: [n, 4] colour and shine, as a paint gives them
         normals, to_eye: [n, 3] unit vectors in the world
         R: [3, 3] from the world to the camera, to which the lamps are fixed
         openness: [n] part of the sky that the surface sees
@@ -190,8 +190,8 @@ def shade(
     falling += KEY * lit * np.maximum(normals @ key, 0) + FILL * np.maximum(normals @ fill, 0)
     glance = 1 - np.clip(_dot(normals, to_eye), 0, 1)
     gloss = lit * _highlight(normals, to_eye, key) + 0.25 * _highlight(normals, to_eye, fill)
-    reflected = coat[:, 3] * (0.7 * gloss + openness * (0.01 + 0.25 * glance**5))
-    light = coat[:, :3] ** 2.2 * falling[:, None] + reflected[:, None]
+    reflected = skin[:, 3] * (0.7 * gloss + openness * (0.01 + 0.25 * glance**5))
+    light = skin[:, :3] ** 2.2 * falling[:, None] + reflected[:, None]
     shown = (1 - np.exp(-1.6 * light)) ** (1 / 2.2)  # film's soft shoulder, the screen's gamma
     return np.sqrt(DARKEST**2 + (1 - DARKEST**2) * shown**2)
 

@@ -10,7 +10,8 @@ RADII = np.float32([0.118, 0.112, 0.122])
 BOX = (tuple(CENTRE - 0.16), tuple(CENTRE + 0.16))
 VOXEL = 0.0045
 
-STEM = ((0.0, 0.085, 0.0), (0.014, 0.128, 0.004))  # from the fruit's centre
+# From the fruit's centre.
+STEM = (0.0, 0.085, 0.0), (0.014, 0.128, 0.004), (0.0095, 0.0075)  # ends, and radii there
 LEAF = (0.052, 0.122, 0.012)
 
 
@@ -21,7 +22,7 @@ def distance(points: Array) -> Array:
     crease = _crease_depth(at)
     dimple = ellipsoid(at, (0, 0.118, 0), (0.05, 0.026, 0.05))
     fruit = subtract(fruit + 0.013 * crease, dimple, blend=0.03)
-    stem = limb(at, *STEM, (0.0095, 0.0075))
+    stem = limb(at, *STEM)
     return unite(unite(fruit, stem, blend=0.012), _leaf(at), blend=0.008)
 
 
@@ -37,13 +38,13 @@ def paint(points: Array) -> Array:
     colour = mix(colour, rgb("c03a26"), 0.75 * step(0.75, blush, 0.7))
     colour = mix(colour, rgb("b4461f"), 0.4 * _crease_depth(at))
     colour = mix(colour, rgb("a83a1c"), 0.55 * step(0.62, speckle(at, 0.006, seed=2), 0.25) * blush)
-    paint = np.concatenate([colour, np.full((len(at), 1), 0.22, dtype="f4")], axis=1)
-    cover(paint, 1 - step(0.002, limb(at, *STEM, (0.0095, 0.0075)), 0.004), rgb("7a5632"), 0.1)
+    skin = np.concatenate([colour, np.full((len(at), 1), 0.22, dtype="f4")], axis=1)
+    cover(skin, 1 - step(0.002, limb(at, *STEM), 0.004), rgb("7a5632"), 0.1)
     vein = np.abs(at[:, 2] - LEAF[2]) < 0.0022
     green = mix(np.broadcast_to(rgb("5f9a3a"), at.shape), rgb("a5cc74"), vein.astype("f4"))
     leaf = 1 - step(0.002, _leaf(at), 0.003)
-    paint[:, :3] = mix(paint[:, :3], green, leaf)
-    return paint.astype(np.float32)
+    skin[:, :3] = mix(skin[:, :3], green, leaf)
+    return skin.astype(np.float32)
 
 
 def _crease_depth(at: Array) -> Array:
@@ -54,6 +55,6 @@ def _crease_depth(at: Array) -> Array:
 
 def _leaf(at: Array) -> Array:
     """A thin leaf that bends down away from the stem."""
-    bent = at.copy()
-    bent[:, 1] += 3.0 * np.maximum(at[:, 0], 0) ** 2 + 4.0 * (at[:, 2] - LEAF[2]) ** 2 * -1
-    return ellipsoid(bent, LEAF, (0.052, 0.0075, 0.026))
+    x, y, z = at.T
+    drop = 3 * np.maximum(x, 0) ** 2 - 4 * (z - LEAF[2]) ** 2  # its edges rise to a trough
+    return ellipsoid(np.stack([x, y + drop, z], axis=1), LEAF, (0.052, 0.0075, 0.026))

@@ -33,29 +33,29 @@ def paint(points: Array) -> Array:
     x, y, z = points.T
     angle = np.arctan2(x, z)
     gold = rgb("d9b154")
-    paint = coat(points, rgb("1f5a34"), 1.0)
-    paint[:, :3] = mix(paint[:, :3], rgb("4d9648"), 0.6 * step(0.1, y, 0.25))
-    _paint_label(paint, angle, y)
-    cover(paint, step(0.249, y), rgb("8c1a2c"), 0.6)
-    cover(paint, band(0.262, 0.27, y) + band(0.356, 0.366, y), gold, 0.8)
-    return paint
+    skin = coat(points, rgb("1f5a34"), 1.0)
+    skin[:, :3] = mix(skin[:, :3], rgb("4d9648"), 0.6 * step(0.1, y, 0.25))
+    _paint_label(skin, angle, y)
+    cover(skin, step(0.249, y), rgb("8c1a2c"), 0.6)
+    cover(skin, band(0.262, 0.27, y) + band(0.356, 0.366, y), gold, 0.8)
+    return skin
 
 
-def _paint_label(paint: Array, angle: Array, y: Array) -> None:
+def _paint_label(skin: Array, angle: Array, y: Array) -> None:
     """The front label with its frame and text, and the plain one behind."""
     low, high = LABEL
-    side = np.minimum(LABEL_HALF_ANGLE - np.abs(angle), 9) * RADIUS
+    side = (LABEL_HALF_ANGLE - np.abs(angle)) * RADIUS
     inside = np.minimum(side, np.minimum(y - low, high - y))  # distance from the label's edge
-    cover(paint, step(0.0, inside), rgb("f3ead2"), 0.12)
-    cover(paint, band(0.008, 0.012, inside), rgb("c39a3d"), 0.4)
+    cover(skin, step(0.0, inside), rgb("f3ead2"), 0.12)
+    cover(skin, band(0.008, 0.012, inside), rgb("c39a3d"), 0.4)
     ink = ink_at(_label(), angle / (2 * LABEL_HALF_ANGLE) + 0.5, (high - y) / (high - low))
-    cover(paint, ink * (inside > 0), rgb("3a2430"), 0.12)
+    cover(skin, ink * (inside > 0), rgb("3a2430"), 0.12)
     hill = (y + 0.275) - 0.028 * np.cos(angle * 4.2) - 0.012 * np.sin(angle * 9)
-    cover(paint, (1 - step(0.0, hill)) * step(0.012, inside), rgb("8f2f3f"), 0.12)
+    cover(skin, (1 - step(0.0, hill)) * step(0.012, inside), rgb("8f2f3f"), 0.12)
     behind = np.minimum((np.abs(angle) - np.pi + 0.55) * RADIUS, np.minimum(y + 0.24, -0.06 - y))
-    cover(paint, step(0.0, behind), rgb("efe4c8"), 0.12)
+    cover(skin, step(0.0, behind), rgb("efe4c8"), 0.12)
     lines = band(0.3, 0.6, (y / 0.018) % 1.0, 0.1) * step(0.015, behind)
-    cover(paint, lines, rgb("7a6a60"), 0.12)
+    cover(skin, lines, rgb("7a6a60"), 0.12)
 
 
 @cache

@@ -14,6 +14,7 @@ FUSELAGE = round_corners(
 )  # fmt: skip
 ENGINE = (0.185, -0.062, 0.115)  # the middle of the one on the side of positive x
 CLIMB, BANK = 9, 16  # degrees
+ORANGE, BLUE, DARK = rgb("f08a24"), rgb("17449c"), rgb("1d2531")
 
 
 def _own_axes() -> Array:
@@ -69,37 +70,34 @@ def paint(points: Array) -> Array:
     """White above and grey below, a blue and orange livery, windows, engines and cockpit."""
     own = points @ OWN_AXES.T
     x, y, z = own.T
-    paint = coat(points, rgb("f3f5f7"), 0.7)
+    skin = coat(points, rgb("f3f5f7"), 0.7)
     hull = (np.abs(x) < 0.08) & (np.hypot(x, y) < 0.082)
-    cover(paint, ~hull & (z > -0.3), rgb("ccd3da"), 0.6)
-    cover(paint, ~hull & (z > -0.3) & (np.abs(x) > 0.405), ORANGE, 0.6)
-    cover(paint, ~hull & (z < -0.26), BLUE, 0.6)
+    cover(skin, ~hull & (z > -0.3), rgb("ccd3da"), 0.6)
+    cover(skin, ~hull & (z > -0.3) & (np.abs(x) > 0.405), ORANGE, 0.6)
+    cover(skin, ~hull & (z < -0.26), BLUE, 0.6)
     stripe = band(0.14, 0.165, y - 0.25 * (z + 0.4), 0.003) * (np.abs(x) < 0.03) * (z < -0.26)
-    cover(paint, stripe, ORANGE, 0.6)
-    _paint_hull(paint, x, y, z, hull)
-    _paint_engines(paint, x, y, z)
-    return paint
+    cover(skin, stripe, ORANGE, 0.6)
+    _paint_hull(skin, x, y, z, hull)
+    _paint_engines(skin, x, y, z)
+    return skin
 
 
-ORANGE, BLUE, DARK = rgb("f08a24"), rgb("17449c"), rgb("1d2531")
-
-
-def _paint_hull(paint: Array, x: Array, y: Array, z: Array, hull: Array) -> None:
+def _paint_hull(skin: Array, x: Array, y: Array, z: Array, hull: Array) -> None:
     """Grey belly, two stripes, passengers' windows and the cockpit's."""
-    cover(paint, (1 - step(-0.028, y)) * hull, rgb("b9c2cc"), 0.6)
-    cover(paint, band(-0.026, -0.012, y) * hull, BLUE, 0.7)
-    cover(paint, band(-0.034, -0.029, y) * hull, ORANGE, 0.7)
+    cover(skin, (1 - step(-0.028, y)) * hull, rgb("b9c2cc"), 0.6)
+    cover(skin, band(-0.026, -0.012, y) * hull, BLUE, 0.7)
+    cover(skin, band(-0.034, -0.029, y) * hull, ORANGE, 0.7)
     row = band(0.3, 0.75, (z / 0.026) % 1.0, 0.1) * band(0.008, 0.028, y) * band(-0.3, 0.36, z)
-    cover(paint, row * hull * (np.abs(x) > 0.05), DARK, 0.9)
+    cover(skin, row * hull * (np.abs(x) > 0.05), DARK, 0.9)
     panes = np.abs(np.abs(x) - 0.022) > 0.0025
-    cover(paint, band(0.015, 0.042, y) * band(0.405, 0.45, z) * hull * panes, DARK, 1.0)
+    cover(skin, band(0.015, 0.042, y) * band(0.405, 0.45, z) * hull * panes, DARK, 1.0)
 
 
-def _paint_engines(paint: Array, x: Array, y: Array, z: Array) -> None:
+def _paint_engines(skin: Array, x: Array, y: Array, z: Array) -> None:
     """Blue, with a bright lip and a dark fan."""
     out = np.hypot(np.abs(x) - ENGINE[0], y - ENGINE[1])
     engine = (1 - step(0.041, out)) * (y < -0.034) * (z > 0.02)
     front = z - ENGINE[2]
-    cover(paint, engine, BLUE, 0.8)
-    cover(paint, engine * step(0.05, front), rgb("dfe4e8"), 0.9)
-    cover(paint, engine * step(0.062, front) * (1 - step(0.024, out)), DARK, 0.3)
+    cover(skin, engine, BLUE, 0.8)
+    cover(skin, engine * step(0.05, front), rgb("dfe4e8"), 0.9)
+    cover(skin, engine * step(0.062, front) * (1 - step(0.024, out)), DARK, 0.3)

@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 
-from silmesh.synthetic.paints import Array, band, coat, cover, ink_at, mix, print_label, rgb, step
+from silmesh.synthetic.paints import Array, band, coat, cover, ink_at, print_label, rgb, step
 from silmesh.synthetic.solids import ellipse, lathe, round_corners, unite
 
 BOX = ((-0.25, -0.43, -0.18), (0.25, 0.43, 0.18))
@@ -33,24 +33,23 @@ def distance(points: Array) -> Array:
 
 
 def paint(points: Array) -> Array:
-    """White with a printed label before and behind, teal below, a silver crimp."""
+    """White with a printed label before and behind, teal below, a striped crimp, a coral cap."""
     x, y, z = points.T
-    teal, dark, coral = rgb("1d9a94"), rgb("155e63"), rgb("ef6f5c")
-    paint = coat(points, rgb("f4f3ee"), 0.7)
+    teal, coral = rgb("1d9a94"), rgb("ef6f5c")
+    skin = coat(points, rgb("f4f3ee"), 0.7)
     wave = y + 0.15 + 0.025 * np.sin(2 * np.arctan2(x, z))
-    cover(paint, 1 - step(0.0, wave), rgb("8ed3c7"), 0.7)
-    cover(paint, 1 - step(-0.03, wave), teal, 0.7)
-    cover(paint, band(0.008, 0.016, wave), coral, 0.7)
-    ink = _ink(x, y, z)
-    paint[:, :3] = mix(paint[:, :3], dark, ink)
+    cover(skin, 1 - step(0.0, wave), rgb("8ed3c7"), 0.7)
+    cover(skin, 1 - step(-0.03, wave), teal, 0.7)
+    cover(skin, band(0.008, 0.016, wave), coral, 0.7)
+    cover(skin, _ink(x, y, z), rgb("155e63"), 0.7)
     disc = 1 - step(0.032, np.hypot(x, y - 0.235))
     leaf = 1 - step(0.0, np.hypot(np.abs(x) + 0.012, y - 0.235) - 0.026)
-    cover(paint, disc * (1 - leaf), teal, 0.7)
-    stripes = 0.5 + 0.5 * np.cos(y * (2 * np.pi / 0.012))
-    cover(paint, step(CRIMP + 0.005, y), teal, 0.5)
-    cover(paint, step(CRIMP + 0.005, y) * step(0.5, stripes, 0.6), rgb("6fc2b9"), 0.5)
-    cover(paint, 1 - step(SHOULDER - 0.012, y), coral, 0.5)
-    return paint
+    cover(skin, disc * (1 - leaf), teal, 0.7)
+    crimp = step(CRIMP + 0.005, y)
+    cover(skin, crimp, teal, 0.5)
+    cover(skin, crimp * step(0, np.cos(y * (2 * np.pi / 0.012)), 1.2), rgb("6fc2b9"), 0.5)
+    cover(skin, 1 - step(SHOULDER - 0.012, y), coral, 0.5)
+    return skin
 
 
 def _ink(x: Array, y: Array, z: Array) -> Array:
