@@ -8,7 +8,7 @@ from snakemake.utils import min_version
 from silmesh.config import NAME
 from silmesh.errors import InputError
 from silmesh.plan import Plan
-from silmesh.provenance import code_digest
+from silmesh.provenance import code_digest, file_digest
 
 
 min_version("9.10")
@@ -21,6 +21,9 @@ if not workflow.configfiles:
 
 
 container: "docker://python:3.11-slim"
+
+
+report: "workflow/report/workflow.rst"
 
 
 PYTHON = sys.executable
