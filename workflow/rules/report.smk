@@ -31,7 +31,8 @@ def every_run(path):
 rule figure:
     input:
         losses=lambda w: [
-            f"results/{w.object}/{variant}/loss.csv" for variant in variants_of(w.object)
+            f"results/{w.object}/{variant}/loss.csv"
+            for variant in variants_of(w.object)
         ],
     output:
         svg=report(
