@@ -35,6 +35,17 @@ def test_names_every_variant_the_object_and_the_axes_as_text(tmp_path, losses):
         assert wanted in texts
 
 
+@pytest.mark.parametrize("name", ["a", "initialised_high_poly_with_a_long-name"])
+def test_labels_end_within_the_figure(name):
+    losses = {name: pd.DataFrame({"iteration": [0, 1], "loss": [0.5, 0.4]})}
+    figure = draw_losses("pot", losses, [name])
+    box = figure.get_tightbbox()  # in inches
+    width, height = figure.get_size_inches()
+    assert 0 <= box.x0 < box.x1 <= width
+    assert box.x1 > 0.95 * width
+    assert 0 <= box.y0 < box.y1 <= height
+
+
 def test_linear_axes_hold_all_of_the_data(losses):
     figure = draw_losses("pot", losses, ORDER)
     (axes,) = figure.axes

@@ -71,7 +71,7 @@ METRICS = (
     Metric(
         "f_score",
         "F-score",
-        "How much of the two surfaces lies within 1 % of the truth's diagonal of each other; "
+        "How much of the two surfaces lies within 1\u00a0% of the truth's diagonal of each other; "
         "1 is best.",
     ),
     Metric("volume_iou", "Volume IoU", "How much of the two bodies is common to both; 1 is best."),
