@@ -9,7 +9,7 @@ from silmesh.config import NAME
 from silmesh.errors import InputError
 from silmesh.plan import Plan
 from silmesh.provenance import code_digest, file_digest
-
+from silmesh.synthetic.layout import turntable_angles
 
 min_version("9.10")
 

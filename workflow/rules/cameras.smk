@@ -20,14 +20,14 @@ rule cameras:
         or [],
     output:
         "results/{object}/stages/cameras/{views}-{cameras}.json",
+    log:
+        "logs/cameras/{object}-{views}-{cameras}.log",
+    priority: 10
     params:
         source=lambda w: camera_source(
             plan.with_key(w.object, "cameras", f"{w.views}-{w.cameras}")
         ),
         code=code_digest("silmesh.steps.cameras"),
-    log:
-        "logs/cameras/{object}-{views}-{cameras}.log",
-    priority: 10
     message:
         "{wildcards.object}: cameras from {wildcards.cameras}"
     shell:

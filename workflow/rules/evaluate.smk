@@ -22,14 +22,14 @@ rule evaluate:
         loss="results/{object}/{variant}/loss.csv",
     output:
         "results/{object}/{variant}/metrics.json",
+    log:
+        "logs/evaluate/{object}-{variant}.log",
     params:
         settings=lambda w: "--holdout {0.holdout} --sigma {0.sigma:g}".format(
             plan.run(w.object, w.variant).fit
         ),
         truth=lambda w, input: f"--truth '{input.truth}'" if input.truth else "",
         code=code_digest("silmesh.steps.evaluate"),
-    log:
-        "logs/evaluate/{object}-{variant}.log",
     message:
         "{wildcards.object}/{wildcards.variant}: evaluating"
     shell:

@@ -14,14 +14,14 @@ rule first:
         scene=lambda w: f"results/{w.object}/stages/scenes/{with_first(w).scene_key}",
     output:
         "results/{object}/stages/first/{first}.ply",
+    log:
+        "logs/first/{object}-{first}.log",
+    priority: 5
     params:
         settings=lambda w: "--shape {0.shape} --vertices {0.vertices} --align {0.align}".format(
             with_first(w).init
         ),
         code=code_digest("silmesh.steps.first"),
-    log:
-        "logs/first/{object}-{first}.log",
-    priority: 5
     message:
         "{wildcards.object}: making the first mesh {wildcards.first}"
     shell:

@@ -32,14 +32,14 @@ rule fit:
         meshes=multiext("results/{object}/{variant}/mesh", ".ply", ".obj", ".glb"),
         cameras="results/{object}/{variant}/cameras.json",
         loss="results/{object}/{variant}/loss.csv",
-    params:
-        settings=fit_settings,
-        code=code_digest("silmesh.steps.fit"),
     log:
         "logs/fit/{object}-{variant}.log",
     benchmark:
         "logs/fit/{object}-{variant}.tsv"
     threads: 2
+    params:
+        settings=fit_settings,
+        code=code_digest("silmesh.steps.fit"),
     message:
         "{wildcards.object}/{wildcards.variant}: fitting"
     shell:

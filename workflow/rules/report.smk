@@ -42,12 +42,12 @@ rule figure:
             labels={"object": "{object}"},
         ),
         png="results/report/figures/{object}.png",
+    log:
+        "logs/figure/{object}.log",
     params:
         variants=lambda w: variants_of(w.object),
         order=list(plan.config.variants),
         code=code_digest("silmesh.steps.figure"),
-    log:
-        "logs/figure/{object}.log",
     message:
         "{wildcards.object}: drawing its losses"
     shell:
@@ -70,10 +70,10 @@ rule picture:
             subcategory="{object}",
             labels={"object": "{object}", "variant": "{variant}"},
         ),
-    params:
-        code=code_digest("silmesh.steps.picture"),
     log:
         "logs/picture/{object}-{variant}.log",
+    params:
+        code=code_digest("silmesh.steps.picture"),
     message:
         "{wildcards.object}/{wildcards.variant}: drawing the mesh beside its photographs"
     shell:
@@ -107,13 +107,13 @@ rule page:
             category="Page",
             labels={"page": "report"},
         ),
+    log:
+        "logs/report.log",
     params:
         runs=every_run("{}/{}"),
         settings=report_settings(),
         code=code_digest("silmesh.steps.report"),
         template=file_digest("silmesh.report", "page.html.j2"),
-    log:
-        "logs/report.log",
     message:
         "writing results/report/report.html"
     shell:

@@ -14,13 +14,13 @@ rule scene:
         cameras=lambda w: f"results/{w.object}/stages/cameras/{with_scene(w).cameras_key}.json",
     output:
         directory("results/{object}/stages/scenes/{scene}"),
+    log:
+        "logs/scene/{object}-{scene}.log",
+    priority: 10
+    threads: 2
     params:
         world=lambda w: "--keep-world" if with_scene(w).keeps_world else "",
         code=code_digest("silmesh.steps.scene"),
-    log:
-        "logs/scene/{object}-{scene}.log",
-    threads: 2
-    priority: 10
     message:
         "{wildcards.object}: carving the visual hull"
     shell:

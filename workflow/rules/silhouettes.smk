@@ -11,11 +11,11 @@ rule silhouettes:
         ).masks,
     output:
         directory("results/{object}/stages/silhouettes/{views}-{source}"),
-    params:
-        code=code_digest("silmesh.steps.silhouettes"),
     log:
         "logs/silhouettes/{object}-{views}-{source}.log",
     priority: 10
+    params:
+        code=code_digest("silmesh.steps.silhouettes"),
     message:
         "{wildcards.object}: finding silhouettes by {wildcards.source}"
     shell:
