@@ -30,7 +30,7 @@ def save(path, figure):
 def test_names_every_variant_the_object_and_the_axes_as_text(tmp_path, losses):
     svg = ET.fromstring(save(tmp_path / "a.svg", draw_losses("pot_1", losses, ORDER)))
     texts = ["".join(text.itertext()).strip() for text in svg.iter(f"{SVG}text")]
-    ends = f"fine_2  {losses['fine_2']['loss'].iloc[-1]:.4g}", "$other$  0.5"
+    ends = f"fine_2  {losses['fine_2']['loss'].iloc[-1]:.4f}", "$other$  0.5000"
     for wanted in ("pot_1", "iteration", "loss (IoU loss and weighted smoothness)", *ends):
         assert wanted in texts
 
@@ -105,7 +105,10 @@ def test_published_curves_are_dotted_in_the_variants_colour(losses):
         ([0.5, 0.1], [0.5, 0.1]),  # apart already
         ([0.5, 0.5], [0.45, 0.55]),  # about their mean
         ([0.3, 0.29, 0.9], [0.345, 0.245, 0.9]),
-        ([0.0, 0.05, 0.12], [0.17 / 3 - 0.1, 0.17 / 3, 0.17 / 3 + 0.1]),  # three, mean 0.17 / 3
+        ([0.5, 0.55, 0.62], [0.17 / 3 + 0.4, 0.17 / 3 + 0.5, 0.17 / 3 + 0.6]),
+        ([0.02, 0.03], [0.0, 0.1]),  # not below the axes
+        ([0.99, 0.9, 0.2], [0.995, 0.895, 0.2]),
+        ([0.99, 0.98, 0.2], [1.0, 0.9, 0.2]),  # nor above
     ],
 )
 def test_labels_move_apart_about_where_they_belong(wanted, expected):

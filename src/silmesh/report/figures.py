@@ -67,7 +67,7 @@ def draw_losses(
         for variant, loss in losses.items():
             style = style_of(variant, order)
             axes.plot(loss["iteration"], loss["loss"], linewidth=1.6, **style)
-            ends[f"{variant}  {loss['loss'].iloc[-1]:.4g}"] = (loss.iloc[-1], style)
+            ends[f"{variant}  {loss['loss'].iloc[-1]:.4f}"] = (loss.iloc[-1], style)
         if published is not None:
             _draw_published(axes, published[published["object"] == object_], losses, order)
         _name_axes(axes, object_)
@@ -128,6 +128,7 @@ def spread(wanted: Sequence[float], apart: float) -> np.ndarray:
     """Heights near the wanted ones, in the same order, at least ``apart`` from one another.
 
     They move as little as least squares allows: labels that touch form a group about its mean.
+    They stay between 0 and 1, unless there are too many for that.
     """
     order = np.argsort(wanted, kind="stable")
     groups: list[tuple[float, int]] = []  # mean of wanted height less place in the group, count
@@ -138,6 +139,7 @@ def spread(wanted: Sequence[float], apart: float) -> np.ndarray:
             mean, count = (before * n + mean * count) / (n + count), n + count
         groups.append((mean, count))
     shifted = np.concatenate([np.full(count, mean) for mean, count in groups])
+    shifted = np.maximum(np.minimum(shifted, 1 - (len(shifted) - 1) * apart), 0)
     heights = np.empty(len(shifted))
     heights[order] = shifted + apart * np.arange(len(shifted))
     return heights
