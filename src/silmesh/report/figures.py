@@ -14,6 +14,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from silmesh.files import replacing
 
@@ -26,6 +27,8 @@ STYLE = {
     "font.family": "sans-serif",
     "font.size": 10,
 }
+LEFT = 0.08  # of the figure's width: where the axes begin
+LABEL = 1.105  # of the axes' width: where the labels begin
 LABEL_HEIGHT = 0.058  # of the axes: labels stand at least so far apart
 
 
@@ -57,14 +60,14 @@ def draw_losses(
         published: curves to compare with, drawn dotted: columns object, variant, iteration, loss
     """
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(7.2, 3.9))
+        figure = Figure(figsize=(8.4, 3.9))
         FigureCanvasAgg(figure)
-        axes = figure.add_axes((0.09, 0.13, 0.66, 0.77))
+        axes = figure.add_axes((LEFT, 0.13, 1 - LEFT, 0.77))
         ends = {}
         for variant, loss in losses.items():
             style = style_of(variant, order)
             axes.plot(loss["iteration"], loss["loss"], linewidth=1.6, **style)
-            ends[f"{variant}  {loss['loss'].iloc[-1]:.4g}"] = (loss.iloc[-1], style)
+            ends[f"{variant}  {loss['loss'].iloc[-1]:.4f}"] = (loss.iloc[-1], style)
         if published is not None:
             _draw_published(axes, published[published["object"] == object_], losses, order)
         _name_axes(axes, object_)
@@ -87,10 +90,9 @@ def _name_axes(axes: Axes, object_: str) -> None:
     axes.set_title(object_, loc="left", fontweight="bold", color=INK, parse_math=False)
     axes.set_xlabel("iteration", color=INK)
     axes.set_ylabel("loss (IoU loss and weighted smoothness)", color=INK)
-    axes.set_ylim(bottom=0)
-    axes.set_xlim(left=0)
-    axes.margins(x=0)
-    axes.autoscale(axis="x")
+    axes.set_ylim(0, 1.05 * axes.dataLim.y1)
+    axes.set_xlim(0, max(axes.dataLim.x1, 1))
+    axes.xaxis.get_major_locator().set_params(integer=True)
     axes.grid(axis="y", color=FAINT, linewidth=0.7)
     axes.set_axisbelow(True)
     axes.spines[["top", "right"]].set_visible(False)
@@ -101,18 +103,32 @@ def _label_ends(axes: Axes, ends: Mapping[str, tuple[pd.Series, dict[str, Any]]]
     """Mark where each line ends, and name it at that height to the right of the axes."""
     wanted = [axes.transLimits.transform((0, end["loss"]))[1] for end, _ in ends.values()]
     beside = {"transform": axes.transAxes, "clip_on": False}
+    labels = []
     for (label, (end, style)), height in zip(
         ends.items(), spread(wanted, LABEL_HEIGHT), strict=True
     ):
         axes.plot(end["iteration"], end["loss"], "o", color=style["color"], ms=4, clip_on=False)
         axes.plot((1.03, 1.09), (height, height), linewidth=1.6, **style, **beside)
-        axes.text(1.105, height, label, va="center", color=INK, parse_math=False, **beside)
+        labels.append(
+            axes.text(LABEL, height, label, va="center", color=INK, parse_math=False, **beside)
+        )
+    _make_room(axes, labels)
+
+
+def _make_room(axes: Axes, labels: Sequence[Text]) -> None:
+    """Narrow the axes until the longest label ends at the figure's edge."""
+    figure = axes.figure
+    longest = max(label.get_window_extent().width for label in labels) / figure.bbox.width
+    box = axes.get_position()
+    width = max((1 - LEFT - 0.02 - longest) / LABEL, 0.3)
+    axes.set_position((LEFT, box.y0, width, box.height))
 
 
 def spread(wanted: Sequence[float], apart: float) -> np.ndarray:
     """Heights near the wanted ones, in the same order, at least ``apart`` from one another.
 
     They move as little as least squares allows: labels that touch form a group about its mean.
+    They stay between 0 and 1, unless there are too many for that.
     """
     order = np.argsort(wanted, kind="stable")
     groups: list[tuple[float, int]] = []  # mean of wanted height less place in the group, count
@@ -123,6 +139,7 @@ def spread(wanted: Sequence[float], apart: float) -> np.ndarray:
             mean, count = (before * n + mean * count) / (n + count), n + count
         groups.append((mean, count))
     shifted = np.concatenate([np.full(count, mean) for mean, count in groups])
+    shifted = np.maximum(np.minimum(shifted, 1 - (len(shifted) - 1) * apart), 0)
     heights = np.empty(len(shifted))
     heights[order] = shifted + apart * np.arange(len(shifted))
     return heights
@@ -132,4 +149,4 @@ def write_figure(path: Path, figure: Figure) -> None:
     """Write a figure as its ending names, the same bytes each time."""
     date = {"Date": None} if path.suffix == ".svg" else {}
     with replacing(path) as part, mpl.rc_context(STYLE):
-        figure.savefig(part, dpi=160, bbox_inches="tight", pad_inches=0.12, metadata=date)
+        figure.savefig(part, dpi=160, metadata=date)

@@ -14,7 +14,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from PIL import Image
 
 from silmesh.report.pictures import crop_thumbnail
-from silmesh.report.tables import Run, flat, objects_of
+from silmesh.report.tables import Run, objects_of
 
 LACKING = "–"
 COHERENT = 0.9  # below this hull IoU, cameras and silhouettes contradict each other
@@ -71,7 +71,7 @@ METRICS = (
     Metric(
         "f_score",
         "F-score",
-        "How much of the two surfaces lies within 1 % of the truth's diagonal of each other; "
+        "How much of the two surfaces lies within 1\u00a0% of the truth's diagonal of each other; "
         "1 is best.",
     ),
     Metric("volume_iou", "Volume IoU", "How much of the two bodies is common to both; 1 is best."),
@@ -80,7 +80,6 @@ METRICS = (
         "Normal consistency",
         "How well the two surfaces' directions agree at nearest points; 1 is best.",
     ),
-    Metric("silhouettes", "Silhouettes", "The folder of the fitted silhouettes.", ""),
 )
 OVERVIEW = ("iou_mean", "iou_min", "hull_iou_mean", "loss_final", "iterations", "fit_seconds")
 TRUTH = ("chamfer", "f_score", "volume_iou", "normal_consistency")  # shown if any run has them
@@ -148,13 +147,7 @@ def _describe_object(
         }
         for variant in variants
     ]
-    keys = dict.fromkeys(key for variant in variants for key in flat(metrics[object_, variant]))
-    rows = [metric for metric in METRICS if metric.key in keys]
-    others = [key for key in keys if key not in {metric.key for metric in METRICS}]
-    for key in others:
-        rows.append(Metric(key, key, "", ".4g"))
-        for run in runs:
-            run["values"][key] = show(metrics[object_, run["variant"]].get(key), rows[-1])
+    rows = [m for m in METRICS if any(m.key in metrics[object_, v] for v in variants)]
     ends = [f"{run['variant']} ends at {run['values']['loss_final']}" for run in runs]
     return {
         "name": object_,

@@ -26,7 +26,7 @@ GROUND, INK = (244, 243, 240), (36, 41, 47)
 SILHOUETTE, MESH = (86, 180, 233), (230, 110, 0)  # told apart under colour blindness
 OUTSIDE, INSIDE = np.array([0.84, 0.82, 0.78]), np.array([0.72, 0.36, 0.33])
 # Directions towards the lights, in the camera's x right, y down, z forward, and their strengths.
-LIGHTS = (((-0.5, -0.7, -0.6), 0.95), ((0.8, 0.1, -0.5), 0.25))
+LIGHTS = (((-0.45, -0.9, -0.6), 0.95), ((0.8, 0.1, -0.6), 0.35))
 AMBIENT = 0.12
 
 
@@ -145,7 +145,7 @@ def raised(camera: Camera, mesh: trimesh.Trimesh) -> Camera:
     seen = mesh.vertices @ R.T + t
     points = (seen @ camera.K.T)[:, :2] / seen[:, 2:]
     low, high = points.min(axis=0), points.max(axis=0)
-    side = (1 + 2 * MARGIN) * (high - low).max()
+    side = (1 + MARGIN) * (high - low).max()
     left, top = (low + high - side) / 2
     return replace(camera, R=R, t=t).cropped(left, top, side, camera.size)
 

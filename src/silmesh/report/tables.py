@@ -11,8 +11,8 @@ Run = tuple[str, str]  # object and variant
 
 
 def read_losses(files: Mapping[Run, Path]) -> dict[Run, pd.DataFrame]:
-    """The ``loss.csv`` of each run."""
-    return {run: pd.read_csv(file, float_precision="round_trip") for run, file in files.items()}
+    """The ``loss.csv`` of each run, its numbers as they are written there."""
+    return {run: pd.read_csv(file, dtype=str) for run, file in files.items()}
 
 
 def read_metrics(files: Mapping[Run, Path]) -> dict[Run, dict[str, Any]]:
