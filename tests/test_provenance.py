@@ -116,7 +116,7 @@ def test_a_cycle_of_imports_ends(digest):
 
 
 def test_a_module_that_is_not_there_is_an_error(tmp_path):
-    with pytest.raises(ModuleNotFoundError, match="silmesh.stepp"):
+    with pytest.raises(ModuleNotFoundError, match=r"silmesh\.stepp"):
         code_digest("silmesh.stepp", tmp_path)
 
 
