@@ -129,8 +129,8 @@ def _parse_row(table: Path, line: int, row: Mapping[str, str]) -> Dataset:
     name = row["object"]
     if not re.fullmatch(NAME, name) or name == RESERVED:
         raise InputError(
-            f"{where}: object {name!r} should be made of letters, digits, '_' and '-', "
-            f"and not be {RESERVED!r}"
+            f"{where}: object {name!r} should be made of letters, digits, '_' and '-' "
+            f"(not first), and not be {RESERVED!r}"
         )
     where += f" ({name})"
     try:
