@@ -10,7 +10,8 @@ from silmesh.config import NAME
 from silmesh.errors import InputError
 from silmesh.lock import hold
 from silmesh.plan import Plan
-from silmesh.provenance import code_digest
+from silmesh.provenance import code_digest, file_digest
+from silmesh.synthetic.layout import turntable_angles
 
 min_version("9.10")
 
@@ -22,6 +23,9 @@ if not workflow.configfiles:
 
 
 container: "docker://python:3.11-slim"
+
+
+report: "workflow/report/workflow.rst"
 
 
 # Steps run by the Python that runs this.

@@ -161,7 +161,7 @@ def _find_images(table: Path, cell: str) -> tuple[Path, ...]:
     if not cell:
         raise InputError("images: is empty; should be a folder, a glob or a SoftRas .npy")
     path = _beside(table, cell)
-    if made := layout.expected_files(path):
+    if made := layout.promised_files(path):
         return made
     if path.suffix != ".npy":
         images = tuple(find_images(path))
@@ -179,7 +179,7 @@ def _find_masks(table: Path, cell: str, images: tuple[Path, ...]) -> tuple[Path,
     path = _beside(table, cell)
     if images[0].suffix == ".npy":
         raise InputError(f"masks: {path}: an array of images has its masks in its alpha channel")
-    masks = layout.expected_files(path) or find_images(path)
+    masks = layout.promised_files(path) or find_images(path)
     return tuple(match_masks(images, masks))
 
 
@@ -220,6 +220,6 @@ def _parse_turntable(cell: str) -> Turntable:
 
 def _find_truth(table: Path, cell: str) -> Path:
     path = _beside(table, cell)
-    if not layout.is_expected(path) and not path.is_file():
+    if not layout.is_promised(path) and not path.is_file():
         raise InputError(f"truth: {path}: is not there")
     return path

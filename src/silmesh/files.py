@@ -24,7 +24,7 @@ def replacing(path: Path | str) -> Iterator[Path]:
     remove(part)
     try:
         yield part
-        if path.is_dir():
+        if path.is_dir() or part.is_dir():
             remove(path)
         os.replace(part, path)
     finally:

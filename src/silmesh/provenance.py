@@ -39,6 +39,12 @@ def code_digest(module: str, source: Path = SOURCE) -> str:
     return digest.hexdigest()[:16]
 
 
+def file_digest(package: str, name: str, source: Path = SOURCE) -> str:
+    """Digest of a file that a package of ours brings along: 16 hexadecimal digits."""
+    file = source.joinpath(*package.split("."), name)
+    return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
+
+
 def _reachable(module: str, source: Path) -> dict[str, Path]:
     """The module and all modules of the package that importing it runs, with their files."""
     found: dict[str, Path] = {}

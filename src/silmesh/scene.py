@@ -41,10 +41,12 @@ def normalising(cameras: Cameras, silhouettes: np.ndarray) -> Similarity:
             f"view {view!r}: the object would lie behind its camera; the cameras and the "
             "silhouettes should be of the same photographs"
         )
-    projected = cameras.project(centre.unsqueeze(0)).squeeze(1)
-    reach = torch.stack([(p - c).norm(dim=1).max() for p, c in zip(points, projected, strict=True)])
-    radius = (reach * depth / cameras.K[:, 0, 0]).max()
-    return Similarity(centre, float(OBJECT_RADIUS / radius))
+    projected = cameras.project(centre.unsqueeze(0))
+    scale = cameras.K[:, :2, :2].inverse()  # [views, 2, 2] pixels to units at depth 1
+    reach = [
+        ((p - c) @ s.mT).norm(dim=1).max() for p, c, s in zip(points, projected, scale, strict=True)
+    ]
+    return Similarity(centre, float(OBJECT_RADIUS / (torch.stack(reach) * depth).max()))
 
 
 def _meet(cameras: Cameras, pixels: Tensor) -> Tensor:

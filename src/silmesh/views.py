@@ -99,7 +99,7 @@ def find_images(pattern: Path) -> list[Path]:
         lacking = "is not there" if not files else ""
     if not files:
         raise InputError(f"{pattern}: {lacking}")
-    files.sort(key=natural_key)
+    files = sorted(sorted(files), key=natural_key)  # r5 and r05 in an order of their own
     _refuse_equal_stems(files)
     return files
 
@@ -151,7 +151,7 @@ def count_array_views(path: Path) -> int:
 
 def _open_array(path: Path) -> np.ndarray:
     try:
-        array = np.load(path, mmap_mode="r", allow_pickle=False)
+        array = np.lib.format.open_memmap(path, mode="r")
     except (OSError, ValueError, EOFError) as error:
         raise InputError(f"{path}: cannot be read as a .npy array: {error}") from error
     if array.ndim != 4 or array.shape[1] != 4 or array.dtype != np.uint8 or 0 in array.shape:
@@ -179,7 +179,8 @@ def read_image(path: Path | str) -> Image.Image:
 def _to_8_bit(image: Image.Image) -> Image.Image:
     if image.mode.startswith("I"):
         deep = np.asarray(image).astype(np.float64)
-        image = Image.fromarray((deep / (257 if deep.max() > 255 else 1)).astype(np.uint8))
+        deep = deep / (257 if deep.max() > 255 else 1)
+        image = Image.fromarray(deep.clip(0, 255).astype(np.uint8))
     elif image.mode == "F":
         image = Image.fromarray(np.asarray(image).clip(0, 255).astype(np.uint8))
     return image.convert("RGBA" if image.has_transparency_data else "RGB")
@@ -221,5 +222,11 @@ def read_views(folder: Path) -> list[View]:
 
 
 def held_out(views: int, every: int) -> list[int]:
-    """The positions of the views that are kept out of the fit: every n-th, none for 0."""
+    """The positions of the views that are kept out of the fit: every n-th, none for 0.
+
+    Raises:
+        InputError: it is 1, which leaves none to fit
+    """
+    if every == 1:
+        raise InputError("holdout 1 keeps every view out of the fit; should be 0, 2 or more")
     return list(range(every - 1, views, every)) if every else []

@@ -1,5 +1,7 @@
 # What the rules share: the runs behind their wildcards, and the arguments that need choosing.
 
+import json
+
 
 def with_scene(wildcards):
     """A run that has this scene."""
@@ -58,3 +60,26 @@ def evaluate_inputs(wildcards):
         "scene": stages["scene"],
         "truth": truth or [],
     }
+
+
+def variants_of(object_):
+    """The variants that an object runs."""
+    return [run.variant for run in plan.runs if run.dataset.object == object_]
+
+
+def report_settings():
+    """What the page prints: the configuration, and what the objects' rows add to it."""
+    rows = {
+        run.dataset.object: {
+            "silhouettes": run.dataset.silhouettes,
+            "cameras": run.dataset.cameras,
+        }
+        for run in plan.runs
+    }
+    configuration = plan.config.model_dump(mode="json")
+    return json.dumps({"configuration": configuration, "objects": rows})
+
+
+def every_run(path):
+    """A path of each run."""
+    return [path.format(run.dataset.object, run.variant) for run in plan.runs]

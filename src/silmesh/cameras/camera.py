@@ -181,11 +181,12 @@ def _parse_row(row: object, where: str) -> tuple[str, Tensor, Tensor, Tensor, Te
     R = _parse_array(row["R"], (3, 3), f"{where}: R")
     t = _parse_array(row["t"], (3,), f"{where}: t")
     size = _parse_array([row["width"], row["height"]], (2,), f"{where}: width and height")
-    if size.min() < 1:
-        raise InputError(f"{where}: width and height should be at least 1, not {size.tolist()}")
+    if size.min() < 1 or not torch.equal(size, size.round()):
+        raise InputError(f"{where}: width and height should be 1, 2, ..., not {size.tolist()}")
     if not torch.allclose(R @ R.mT, torch.eye(3, dtype=R.dtype), atol=1e-4) or R.det() < 0:
         raise InputError(f"{where}: R should be a rotation (R R^T = 1, det R = +1)")
-    if K[0, 0] <= 0 or K[1, 1] <= 0 or not torch.equal(K[2], K.new_tensor([0, 0, 1])):
+    below = [K[1, 0], *K[2]]
+    if K[0, 0] <= 0 or K[1, 1] <= 0 or below != [0, 0, 0, 1]:
         raise InputError(f"{where}: K should be [[fx, s, cx], [0, fy, cy], [0, 0, 1]], fx, fy > 0")
     return str(row["view"]), size.long(), K, R, t
 

@@ -90,7 +90,7 @@ def softras_cameras(path: Path, views: Sequence[str], size: int) -> Cameras:
         InputError: it cannot be read, has another shape, or another number of views
     """
     try:
-        rows = np.load(path, allow_pickle=False)
+        rows = np.lib.format.open_memmap(path, mode="r")
     except (OSError, ValueError, EOFError) as error:
         raise InputError(f"{path}: cannot be read as a .npy array: {error}") from error
     if rows.ndim != 2 or rows.shape[1] != 3 or not np.issubdtype(rows.dtype, np.number):

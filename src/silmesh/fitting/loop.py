@@ -14,6 +14,8 @@ from silmesh.fitting.losses import Flatten, Laplacian, iou_loss
 from silmesh.fitting.parametrisation import OctantSigmoid
 from silmesh.softras import soft_silhouettes
 
+ADVICE = "A smaller learning_rate or a larger sigma may help"
+
 
 @dataclass(frozen=True)
 class Settings:
@@ -66,7 +68,8 @@ def fit(
         vertices [verts, 3] after the last step, and one record a step
 
     Raises:
-        InputError: the template does not fit the parametrisation, or a loss is not finite
+        InputError: the template does not fit the parametrisation, or a loss or the last step's
+            vertices are not finite
     """
     shape = OctantSigmoid(template)
     adam = torch.optim.Adam(shape.parameters(), settings.learning_rate, settings.betas)
@@ -86,8 +89,10 @@ def fit(
         adam.zero_grad()
         loss.backward()
         adam.step()
-    with torch.no_grad():
-        return shape(), records
+    verts = shape().detach()
+    if not verts.isfinite().all():
+        raise InputError(f"step {settings.iterations} of the fit: a vertex is not finite. {ADVICE}")
+    return verts, records
 
 
 def _refuse_non_finite(values: list[float], iteration: int) -> None:
@@ -96,5 +101,5 @@ def _refuse_non_finite(values: list[float], iteration: int) -> None:
         raise InputError(
             f"step {iteration} of the fit: "
             + ", ".join(f"{name} {value:g}" for name, value in named)
-            + "; a loss is not finite. A smaller learning_rate or a larger sigma may help"
+            + f"; a loss is not finite. {ADVICE}"
         )

@@ -33,8 +33,10 @@ def write_silhouettes(
         masks: the views' mask files in the same order, or none
 
     Raises:
-        InputError: a silhouette is empty or fills its photograph
+        InputError: masks are lacking or differ in number from the views; a silhouette is empty or
+            fills its photograph
     """
+    _refuse_other_count(source, views, masks)
     with replacing(folder) as part:
         part.mkdir()
         for i, view in enumerate(views):
@@ -43,6 +45,13 @@ def write_silhouettes(
                 silhouette = SOURCES[source](image, view, file)
             _refuse_empty_or_full(silhouette, view, source, file)
             encode(silhouette).save(part / f"{view.view}.png")
+
+
+def _refuse_other_count(source: str, views: Sequence[View], masks: Sequence[Path]) -> None:
+    if len(masks) != len(views) and (masks or source == "mask"):
+        raise InputError(
+            f"silhouettes from {source!r}: there are {len(masks)} masks, but {len(views)} views"
+        )
 
 
 def encode(silhouette: np.ndarray) -> Image.Image:
@@ -68,6 +77,7 @@ def _refuse_empty_or_full(
     where = f"{file or view.source}: view {view.view!r}, silhouettes from {source!r}:"
     inside = silhouette[view.top : view.bottom, view.left : view.right]
     if not inside.any():
-        raise InputError(f"{where} empty; the object should show in every photograph")
+        white = ", white in its mask" if file else ""
+        raise InputError(f"{where} empty; the object should show in every photograph{white}")
     if inside.all():
         raise InputError(f"{where} fills the photograph; the background should show around it")

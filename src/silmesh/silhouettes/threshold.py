@@ -6,7 +6,6 @@ import numpy as np
 from PIL import Image
 from scipy import ndimage
 from skimage.filters import threshold_otsu
-from skimage.measure import label
 
 from silmesh.views import View
 
@@ -56,13 +55,16 @@ def _clean(silhouette: np.ndarray) -> np.ndarray:
     """Drop specks and fill pinholes, both judged by the object's area."""
     if not silhouette.any():
         return silhouette
-    least = SPECK * np.bincount(label(silhouette).ravel())[1:].max()
-    kept = _drop_small(silhouette, least)
-    return ~_drop_small(~kept, least)
+    pieces, areas = _pieces(silhouette)
+    least = SPECK * areas.max()
+    kept = (areas >= least)[pieces]
+    holes, areas = _pieces(~kept)
+    return ~(areas >= least)[holes]
 
 
-def _drop_small(region: np.ndarray, least: float) -> np.ndarray:
+def _pieces(region: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The number of each pixel's connected piece, and the pieces' areas, 0 for what is outside."""
     pieces, _ = ndimage.label(region)
     areas = np.bincount(pieces.ravel())
     areas[0] = 0
-    return (areas >= least)[pieces] & region
+    return pieces, areas

@@ -1,6 +1,7 @@
 """Measure a fitted mesh: IoU with its silhouettes, and in 3D where a truth is given."""
 
 import json
+import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -46,7 +47,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         "fit_seconds": float(last["seconds"]),
         "vertices": len(mesh.vertices),
         "faces": len(mesh.faces),
-        "silhouettes": given.silhouettes.relative_to(given.results).as_posix(),
+        "silhouettes": Path(os.path.relpath(given.silhouettes, given.results)).as_posix(),
     }
     if given.truth:
         metrics |= compare_to_truth(mesh, read_mesh(given.truth))

@@ -8,6 +8,7 @@ import pandas as pd
 import torch
 
 from silmesh.cameras.camera import write_cameras
+from silmesh.errors import InputError
 from silmesh.files import replacing
 from silmesh.fitting.loop import Record, Settings, fit
 from silmesh.meshes import read_mesh, to_tensors, write_mesh
@@ -65,7 +66,10 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def _choose_device(name: str) -> str:
-    return ("cuda" if torch.cuda.is_available() else "cpu") if name == "auto" else name
+    gpu = torch.cuda.is_available()
+    if name == "cuda" and not gpu:
+        raise InputError("device 'cuda': torch finds no GPU here; should be 'cpu' or 'auto'")
+    return ("cuda" if gpu else "cpu") if name == "auto" else name
 
 
 if __name__ == "__main__":
