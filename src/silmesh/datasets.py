@@ -88,7 +88,8 @@ def _read_rows(table: Path) -> list[tuple[int, dict[str, str]]]:
         with open(table, encoding="utf-8-sig", newline="") as file:
             lines = list(csv.reader(file, delimiter="\t"))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{table}: cannot be read as a tab-separated table: {error}") from error
+        why = getattr(error, "strerror", None) or error  # the path is said already
+        raise InputError(f"{table}: cannot be read as a tab-separated table: {why}") from error
     header = [name.strip() for name in lines[0]] if lines else []
     _check_header(table, header)
     rows = []
@@ -128,8 +129,8 @@ def _parse_row(table: Path, line: int, row: Mapping[str, str]) -> Dataset:
     name = row["object"]
     if not re.fullmatch(NAME, name) or name == RESERVED:
         raise InputError(
-            f"{where}: object {name!r} should be made of letters, digits, '_' and '-', "
-            f"and not be {RESERVED!r}"
+            f"{where}: object {name!r} should be made of letters, digits, '_' and '-' "
+            f"(not first), and not be {RESERVED!r}"
         )
     where += f" ({name})"
     try:
@@ -145,7 +146,7 @@ def _parse_row(table: Path, line: int, row: Mapping[str, str]) -> Dataset:
             cameras=cameras,
             turntable=_parse_turntable(row["turntable"]) if row["turntable"] else None,
             truth=_find_truth(table, row["truth"]) if row["truth"] else None,
-            variants=tuple(v.strip() for v in row["variants"].split(",") if v.strip()),
+            variants=tuple(dict.fromkeys(re.findall(r"[^,\s]+", row["variants"]))),
         )
     except InputError as error:
         raise InputError(f"{where}: {error}") from error

@@ -3,11 +3,6 @@
 # runs      silmesh.steps.first
 
 
-def with_first(wildcards):
-    """A run that has this first mesh."""
-    return plan.with_key(wildcards.object, "first", wildcards.first)
-
-
 rule first:
     input:
         silhouettes=lambda w: f"results/{w.object}/stages/silhouettes/{with_first(w).silhouettes_key}",
@@ -25,6 +20,6 @@ rule first:
     message:
         "{wildcards.object}: making the first mesh {wildcards.first}"
     shell:
-        "{PYTHON:q} -m silmesh.steps.first --silhouettes {input.silhouettes:q}"
+        "python -m silmesh.steps.first --silhouettes {input.silhouettes:q}"
         " --cameras {input.scene:q}/cameras.json {params.settings}"
         " --output {output:q} 2> {log:q}"

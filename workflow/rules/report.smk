@@ -2,31 +2,6 @@
 # makes     a loss figure an object, a picture a run, two tables of all, and the page with them
 # runs      silmesh.steps.figure, silmesh.steps.picture, silmesh.steps.report
 
-import json
-
-
-def variants_of(object_):
-    """The variants that an object runs."""
-    return [run.variant for run in plan.runs if run.dataset.object == object_]
-
-
-def report_settings():
-    """What the page prints: the configuration, and what the objects' rows add to it."""
-    rows = {
-        run.dataset.object: {
-            "silhouettes": run.dataset.silhouettes,
-            "cameras": run.dataset.cameras,
-        }
-        for run in plan.runs
-    }
-    configuration = plan.config.model_dump(mode="json")
-    return json.dumps({"configuration": configuration, "objects": rows})
-
-
-def every_run(path):
-    """A path of each run."""
-    return [path.format(run.dataset.object, run.variant) for run in plan.runs]
-
 
 rule figure:
     input:
@@ -51,7 +26,7 @@ rule figure:
     message:
         "{wildcards.object}: drawing its losses"
     shell:
-        "{PYTHON:q} -m silmesh.steps.figure --object={wildcards.object}"
+        "python -m silmesh.steps.figure --object={wildcards.object}"
         " --losses {input.losses:q} --variants {params.variants} --order {params.order}"
         " --outputs {output:q} 2> {log:q}"
 
@@ -77,7 +52,7 @@ rule picture:
     message:
         "{wildcards.object}/{wildcards.variant}: drawing the mesh beside its photographs"
     shell:
-        "{PYTHON:q} -m silmesh.steps.picture --mesh {input.mesh:q} --cameras {input.cameras:q}"
+        "python -m silmesh.steps.picture --mesh {input.mesh:q} --cameras {input.cameras:q}"
         " --views {input.views:q} --silhouettes {input.silhouettes:q}"
         " --output {output:q} 2> {log:q}"
 
@@ -117,6 +92,6 @@ rule page:
     message:
         "writing results/report/report.html"
     shell:
-        "{PYTHON:q} -m silmesh.steps.report --results results --runs {params.runs}"
+        "python -m silmesh.steps.report --results results --runs {params.runs}"
         " --settings {params.settings:q} --losses {output.losses:q}"
         " --summary {output.summary:q} --page {output.page:q} 2> {log:q}"

@@ -3,11 +3,6 @@
 # runs      silmesh.steps.scene
 
 
-def with_scene(wildcards):
-    """A run that has this scene."""
-    return plan.with_key(wildcards.object, "scene", wildcards.scene)
-
-
 rule scene:
     input:
         silhouettes=lambda w: f"results/{w.object}/stages/silhouettes/{with_scene(w).silhouettes_key}",
@@ -24,6 +19,6 @@ rule scene:
     message:
         "{wildcards.object}: carving the visual hull"
     shell:
-        "{PYTHON:q} -m silmesh.steps.scene --silhouettes {input.silhouettes:q}"
+        "python -m silmesh.steps.scene --silhouettes {input.silhouettes:q}"
         " --cameras {input.cameras:q} {params.world} --threads {threads}"
         " --output {output:q} 2> {log:q}"

@@ -19,5 +19,5 @@ rule silhouettes:
     message:
         "{wildcards.object}: finding silhouettes by {wildcards.source}"
     shell:
-        "{PYTHON:q} -m silmesh.steps.silhouettes --views {input.views:q}"
+        "python -m silmesh.steps.silhouettes --views {input.views:q}"
         " --source {wildcards.source} --masks {input.masks:q} --output {output:q} 2> {log:q}"

@@ -2,8 +2,6 @@
 # makes     photographs and masks of a made-up object on a turntable, and its true mesh
 # runs      silmesh.steps.synthetic
 
-from pathlib import Path
-
 
 rule synthetic:
     output:
@@ -26,5 +24,5 @@ rule synthetic:
     message:
         "{wildcards.name}: making the object and its photographs"
     shell:
-        "{PYTHON:q} -m silmesh.steps.synthetic {wildcards.name} --images {params.images:q}"
+        "python -m silmesh.steps.synthetic {wildcards.name} --images {params.images:q}"
         " --masks {params.masks:q} --truth {output.truth:q} 2> {log:q}"

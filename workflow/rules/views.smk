@@ -17,7 +17,7 @@ rule views:
         ),
         code=code_digest("silmesh.steps.views"),
     message:
-        "{wildcards.object}: resizing {input.images}"
+        "{wildcards.object}: resizing its photographs"
     shell:
-        "{PYTHON:q} -m silmesh.steps.views --images {input.images:q}"
+        "python -m silmesh.steps.views --images {input.images:q}"
         " {params.settings} --output {output:q} 2> {log:q}"
