@@ -1,0 +1,107 @@
+import numpy as np
+import pytest
+from PIL import Image
+from scenes import save
+from scipy import ndimage
+
+from silmesh.errors import InputError
+from silmesh.silhouettes import encode, read_silhouettes, write_silhouettes
+from silmesh.views import write_views
+
+BLOCK = np.zeros((48, 64), bool)
+BLOCK[12:36, 16:40] = True
+PLACED = np.zeros((32, 32), bool)  # BLOCK, halved and centred
+PLACED[10:22, 8:20] = True
+
+
+def photographs(folder, *pixels):
+    """Working images of photographs a, b, ... and the files that they were made from."""
+    paths = [save(folder / f"{chr(97 + i)}.png", p) for i, p in enumerate(pixels)]
+    return write_views(paths, 32, "pad", folder / "views")
+
+
+def find(folder, source, views, masks=()):
+    write_silhouettes(source, views, folder / "views", masks, folder / "out")
+    return read_silhouettes(folder / "out", [view.view for view in views])
+
+
+def test_a_silhouette_is_written_as_the_report_defines(tmp_path):
+    shape = np.array([[True, False], [False, True]])
+    encode(shape).save(tmp_path / "a.png")
+    with Image.open(tmp_path / "a.png") as image:
+        assert image.mode == "RGBA"
+        assert np.asarray(image).reshape(-1, 4).tolist() == [
+            [124, 124, 124, 255],
+            [0, 0, 0, 0],
+            [0, 0, 0, 0],
+            [124, 124, 124, 255],
+        ]
+    np.testing.assert_array_equal(read_silhouettes(tmp_path, ["a"]), shape[None])
+
+
+@pytest.mark.parametrize("kind", [bool, np.uint8, np.uint16])
+def test_masks_of_any_depth_are_resized_with_their_photographs(tmp_path, kind):
+    views = photographs(tmp_path, np.zeros((48, 64, 3), np.uint8))
+    white = BLOCK if kind is bool else BLOCK.astype(kind) * np.iinfo(kind).max
+    mask = save(tmp_path / "mask" / "a.png", white)
+    np.testing.assert_array_equal(find(tmp_path, "mask", views, [mask])[0], PLACED)
+
+
+def test_alpha_above_half_is_the_object(tmp_path):
+    rgba = np.full((48, 64, 4), 200, np.uint8)
+    rgba[..., 3] = np.where(BLOCK, 128, 127)
+    views = photographs(tmp_path, rgba)
+    found = find(tmp_path, "alpha", views)[0]
+    np.testing.assert_array_equal(found[4:28], PLACED[4:28])
+    assert not found[:4].any()  # the padding is outside
+
+
+def test_a_threshold_sees_the_photograph_and_not_its_padding(tmp_path):
+    photograph = np.where(BLOCK[..., None], 60, 220).astype(np.uint8).repeat(3, axis=2)
+    views = photographs(tmp_path, photograph)
+    found = find(tmp_path, "threshold", views)[0]
+    grown = ndimage.binary_dilation(PLACED, np.ones((3, 3)))  # by the resized outline's blur
+    assert (found >= PLACED).all()
+    assert (found <= grown).all()
+
+
+def test_a_photograph_without_alpha_is_named(tmp_path):
+    views = photographs(tmp_path, np.zeros((8, 8, 3), np.uint8))
+    with pytest.raises(InputError, match=r"a\.png: has no alpha channel"):
+        find(tmp_path, "alpha", views)
+
+
+@pytest.mark.parametrize(
+    ("mask", "message"), [(np.zeros((48, 64), bool), "empty"), (np.ones((48, 64), bool), "fills")]
+)
+def test_an_empty_or_full_mask_is_named_and_nothing_is_left(tmp_path, mask, message):
+    views = photographs(tmp_path, *np.zeros((2, 48, 64, 3), np.uint8))
+    masks = [
+        save(tmp_path / "mask" / f"{n}.png", m) for n, m in zip("ab", (BLOCK, mask), strict=True)
+    ]
+    with pytest.raises(InputError, match=message) as error:
+        find(tmp_path, "mask", views, masks)
+    assert str(masks[1]) in str(error.value)
+    assert "'b'" in str(error.value)
+    assert not list(tmp_path.glob("*out*"))
+
+
+def test_a_mask_of_another_size_is_named(tmp_path):
+    views = photographs(tmp_path, np.zeros((48, 64, 3), np.uint8))
+    mask = save(tmp_path / "mask" / "a.png", BLOCK.T)
+    with pytest.raises(InputError, match=r"mask/a\.png: is 48x64, but its photograph .* is 64x48"):
+        find(tmp_path, "mask", views, [mask])
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_another_number_of_masks_is_refused(tmp_path, count):
+    views = photographs(tmp_path, *np.zeros((2, 48, 64, 3), np.uint8))
+    masks = [save(tmp_path / "mask" / "a.png", BLOCK)] * count
+    with pytest.raises(InputError, match=f"there are {count} masks, but 2 views"):
+        find(tmp_path, "mask", views, masks)
+
+
+def test_a_blank_photograph_has_no_threshold(tmp_path):
+    views = photographs(tmp_path, np.full((8, 8, 3), 90, np.uint8))
+    with pytest.raises(InputError, match="empty"):
+        find(tmp_path, "threshold", views)

@@ -1,0 +1,29 @@
+import pytest
+
+from silmesh.progress import Progress
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    return now
+
+
+def test_a_line_every_few_seconds_and_one_at_the_end(clock, capsys):
+    progress = Progress("fit a/b", total=100, every=5)
+    for i in range(1, 101):
+        clock[0] = i * 0.12
+        progress(i, f"loss {1 / i:.2f}")
+    assert capsys.readouterr().out.splitlines() == [
+        "fit a/b: 42/100, loss 0.02, 7 s left",
+        "fit a/b: 84/100, loss 0.01, 2 s left",
+        "fit a/b: 100/100, loss 0.01, done in 12.0 s",
+    ]
+
+
+def test_a_short_step_says_only_that_it_is_done(clock, capsys):
+    progress = Progress("masks", total=2)
+    progress(0)
+    progress(2)
+    assert capsys.readouterr().out == "masks: 2/2, done in 0.0 s\n"

@@ -1,0 +1,273 @@
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+from scenes import save
+
+from silmesh.errors import InputError
+from silmesh.views import (
+    count_array_views,
+    find_images,
+    held_out,
+    match_masks,
+    natural_key,
+    place_view,
+    read_image,
+    read_photographs,
+    read_views,
+    write_views,
+)
+
+RGB = np.random.default_rng(0).integers(0, 256, (6, 8, 3), np.uint8)
+GREY = RGB[..., 0]
+
+
+def reads(path, pixels):
+    image = read_image(path)
+    assert image.mode == ("RGB" if pixels.shape[-1] == 3 else "RGBA")
+    np.testing.assert_array_equal(np.asarray(image), pixels)
+
+
+def triple(grey):
+    return np.repeat(grey[..., None], 3, axis=-1)
+
+
+def test_rgb_and_rgba_stay(tmp_path):
+    reads(save(tmp_path / "rgb.png", RGB), RGB)
+    rgba = np.concatenate([RGB, GREY[..., None]], axis=-1)
+    reads(save(tmp_path / "rgba.png", rgba), rgba)
+
+
+def test_16_bits_become_8(tmp_path):
+    deep = GREY.astype(np.uint16) * 257
+    deep[0, 0] = 65535
+    reads(save(tmp_path / "deep.png", deep), triple((deep // 257).astype(np.uint8)))
+    reads(save(tmp_path / "deep.tif", deep), triple((deep // 257).astype(np.uint8)))
+
+
+def test_32_bit_integers_are_clipped(tmp_path):
+    deep = np.array([[-5, 0, 257 * 9, 10**6]], np.int32)
+    reads(save(tmp_path / "deep.tif", deep), triple(np.array([[0, 0, 9, 255]], np.uint8)))
+
+
+def test_floats_are_clipped(tmp_path):
+    floats = np.array([[-5, 0, 100, 1000]], np.float32)
+    reads(save(tmp_path / "f.tif", floats), triple(np.array([[0, 0, 100, 255]], np.uint8)))
+
+
+def test_1_bit_is_black_and_white(tmp_path):
+    reads(save(tmp_path / "mask.png", GREY > 127), triple(np.where(GREY > 127, 255, 0)))
+
+
+def test_a_palette_is_looked_up(tmp_path):
+    image = Image.fromarray(GREY % 4).convert("P")
+    image.putpalette([255, 0, 0, 0, 255, 0, 0, 0, 255, 9, 9, 9])
+    image.save(tmp_path / "p.png")
+    table = np.array([[255, 0, 0], [0, 255, 0], [0, 0, 255], [9, 9, 9]], np.uint8)
+    reads(tmp_path / "p.png", table[GREY % 4])
+    image.save(tmp_path / "t.png", transparency=3)
+    alpha = np.where(GREY % 4 == 3, 0, 255).astype(np.uint8)[..., None]
+    reads(tmp_path / "t.png", np.concatenate([table[GREY % 4], alpha], axis=-1))
+
+
+def test_grey_with_alpha_is_rgba(tmp_path):
+    both = Image.merge("LA", [Image.fromarray(GREY), Image.fromarray(255 - GREY)])
+    both.save(tmp_path / "la.png")
+    expected = np.concatenate([triple(GREY), 255 - GREY[..., None]], axis=-1)
+    reads(tmp_path / "la.png", expected)
+
+
+def test_cmyk_is_rgb(tmp_path):
+    plain = Image.new("CMYK", (8, 8), (0, 255, 255, 0))  # red
+    plain.save(tmp_path / "cmyk.jpg", quality=100)
+    image = read_image(tmp_path / "cmyk.jpg")
+    assert image.mode == "RGB"
+    np.testing.assert_allclose(np.asarray(image)[4, 4], [255, 0, 0], atol=3)
+
+
+def test_exif_turns_the_photograph_upright(tmp_path):
+    exif = Image.Exif()
+    exif[0x0112] = 6  # the camera was held so that the sensor's left column is the top row
+    path = save(tmp_path / "turned.png", RGB, exif=exif)
+    reads(path, np.rot90(RGB, -1))
+
+
+@pytest.mark.parametrize("ending", ["png", "jpg", "tif", "webp", "bmp"])
+@pytest.mark.parametrize("share", [0, 0.1, 0.5, 0.9])
+def test_a_truncated_image_is_named(tmp_path, ending, share):
+    big = np.random.default_rng(0).integers(0, 256, (50, 60, 3), np.uint8)
+    path = save(tmp_path / f"cut.{ending}", big)
+    path.write_bytes(path.read_bytes()[: int(share * path.stat().st_size)])
+    with pytest.raises(InputError, match=f"cut.{ending}: cannot be read as an image"):
+        read_image(path)
+
+
+def test_what_is_no_image_is_named(tmp_path):
+    (tmp_path / "a.png").write_text("not an image")
+    with pytest.raises(InputError, match=r"a\.png: cannot be read as an image"):
+        read_image(tmp_path / "a.png")
+    with pytest.raises(InputError, match=r"b\.png: cannot be read as an image"):
+        read_image(tmp_path / "b.png")
+
+
+@pytest.mark.parametrize(
+    ("width", "height", "resize", "box"),
+    [
+        (384, 288, "stretch", (0, 0, 256, 256)),
+        (384, 288, "pad", (0, 32, 256, 224)),
+        (288, 384, "pad", (32, 0, 224, 256)),
+        (64, 64, "pad", (0, 0, 256, 256)),
+        (1000, 1, "pad", (0, 127, 256, 128)),
+    ],
+)
+def test_where_a_photograph_goes(width, height, resize, box):
+    view = place_view("a", "a.png", width, height, 256, resize)
+    assert (view.left, view.top, view.right, view.bottom) == box
+    corners = np.array([[0, width], [0, height], [1, 1]])
+    np.testing.assert_allclose((view.pixel_map @ corners)[:2].T.ravel(), box)
+
+
+@pytest.mark.parametrize("size", [(120, 80), (80, 120), (101, 77)])
+@pytest.mark.parametrize("resize", ["pad", "stretch"])
+def test_a_marked_block_lands_where_the_pixel_map_says(size, resize):
+    width, height = size
+    marked = np.zeros((height, width), np.uint8)
+    marked[20:40, 30:60] = 255
+    view = place_view("a", "a.png", width, height, 64, resize)
+    placed = np.asarray(view.place(Image.fromarray(marked), Image.Resampling.BILINEAR)) / 255.0
+    assert placed.shape == (64, 64)
+    rows, columns = np.indices(placed.shape) + 0.5
+    middle = [(columns * placed).sum() / placed.sum(), (rows * placed).sum() / placed.sum()]
+    np.testing.assert_allclose(middle, (view.pixel_map @ [45, 30, 1])[:2], atol=0.1)
+    area = 20 * 30 * np.linalg.det(view.pixel_map)
+    np.testing.assert_allclose(placed.sum(), area, rtol=0.03)
+
+
+def test_names_are_ordered_as_numbers():
+    names = ["b1", "r10", "r5", "r100", "r05", "a"]
+    assert sorted(names, key=natural_key)[:2] == ["a", "b1"]
+    assert sorted(["r10.png", "r9.png", "r100.png"], key=natural_key)[0] == "r9.png"
+
+
+def test_a_folder_gives_its_images_only(tmp_path):
+    for name in ("r10.png", "r9.PNG", "r11.jpg", ".hidden.png", "notes.txt", "r05.png", "r5.png"):
+        (tmp_path / name).touch()
+    (tmp_path / "folder.png").mkdir()
+    found = [path.name for path in find_images(tmp_path)]
+    assert found == ["r05.png", "r5.png", "r9.PNG", "r10.png", "r11.jpg"]
+
+
+def test_a_glob_gives_what_it_matches(tmp_path, monkeypatch):
+    for name in ("a1.png", "a2.png", "b1.png"):
+        (tmp_path / name).touch()
+    assert [p.name for p in find_images(tmp_path / "a*.png")] == ["a1.png", "a2.png"]
+    monkeypatch.chdir(tmp_path)
+    assert [str(p) for p in find_images(tmp_path.__class__("a?.png"))] == ["a1.png", "a2.png"]
+
+
+@pytest.mark.parametrize(
+    ("pattern", "message"),
+    [(".", "has no image"), ("*.png", "matches no file"), ("none", "is not there")],
+)
+def test_nothing_found_is_an_error(tmp_path, pattern, message):
+    with pytest.raises(InputError, match=message):
+        find_images(tmp_path / pattern)
+
+
+def test_two_photographs_of_one_name_are_refused(tmp_path):
+    (tmp_path / "a.png").touch()
+    (tmp_path / "a.jpg").touch()
+    with pytest.raises(InputError, match="has the same name, 'a'"):
+        find_images(tmp_path)
+
+
+def test_masks_are_matched_by_stem(tmp_path):
+    images = [tmp_path / "png2" / name for name in ("a.jpg", "b.png")]
+    masks = [tmp_path / "mask2" / name for name in ("b.png", "a.png")]
+    assert match_masks(images, masks) == [masks[1], masks[0]]
+    with pytest.raises(InputError, match=r"b\.png: has no mask of the same name in .*mask2"):
+        match_masks(images, masks[1:])
+    with pytest.raises(InputError, match=r"2 photographs without a mask"):
+        match_masks(images, [tmp_path / "other.png"])
+    with pytest.raises(InputError, match=r"b\.png: has no photograph of the same name in .*png2"):
+        match_masks(images[:1], masks)
+
+
+def test_an_array_is_read_as_softras_wrote_it(tmp_path):
+    planes = np.random.default_rng(0).integers(0, 256, (3, 4, 5, 6), np.uint8)
+    np.save(tmp_path / "source.npy", planes)
+    assert count_array_views(tmp_path / "source.npy") == 3
+    names, sources, images = zip(*read_photographs([tmp_path / "source.npy"]), strict=True)
+    assert names == ("0000", "0001", "0002")
+    assert set(sources) == {str(tmp_path / "source.npy")}
+    assert images[2].mode == "RGBA"
+    np.testing.assert_array_equal(np.asarray(images[2])[..., 3], planes[2, 3])
+
+
+@pytest.mark.parametrize(
+    ("array", "message"),
+    [
+        (np.zeros((2, 3, 4, 4), np.uint8), r"not \[2, 3, 4, 4\] of uint8"),
+        (np.zeros((2, 4, 4), np.uint8), r"should hold \[views, 4, height, width\] of uint8"),
+        (np.zeros((2, 4, 4, 4), np.float32), "of float32"),
+        (np.zeros((0, 4, 4, 4), np.uint8), "source.npy"),
+        (np.array([None]), "cannot be read"),
+        (b"", "cannot be read"),
+        (b"PK\x03\x04", "cannot be read"),
+        (b"\x93NUMPY\x01\x00\xff\xff{", "cannot be read"),
+    ],
+)
+def test_a_wrong_array_is_named(tmp_path, array, message):
+    path = tmp_path / "source.npy"
+    if isinstance(array, bytes):
+        path.write_bytes(array)
+    else:
+        np.save(path, array)
+    with pytest.raises(InputError, match=message) as error:
+        count_array_views(path)
+    assert str(path) in str(error.value)
+
+
+def test_a_truncated_array_is_named(tmp_path):
+    path = tmp_path / "source.npy"
+    np.save(path, np.zeros((4, 4, 8, 8), np.uint8))
+    path.write_bytes(path.read_bytes()[:-100])
+    with pytest.raises(InputError, match=r"source\.npy: cannot be read"):
+        count_array_views(path)
+
+
+def test_an_archive_of_arrays_is_named(tmp_path):
+    np.savez(tmp_path / "source.npz", a=np.zeros(3))
+    path = (tmp_path / "source.npz").rename(tmp_path / "source.npy")
+    with pytest.raises(InputError, match=r"source\.npy: cannot be read"):
+        count_array_views(path)
+
+
+def test_views_are_written_with_their_manifest(tmp_path):
+    paths = [save(tmp_path / f"{name}.png", RGB) for name in ("b", "a")]
+    written = write_views(paths, 16, "pad", tmp_path / "views")
+    assert read_views(tmp_path / "views") == written
+    assert [view.view for view in written] == ["b", "a"]
+    assert (written[0].width, written[0].height, written[0].top) == (8, 6, 2)
+    rows = json.loads((tmp_path / "views" / "views.json").read_text())
+    assert rows[0]["source"] == str(paths[0])
+    with Image.open(tmp_path / "views" / "a.png") as image:
+        assert image.size == (16, 16)
+        assert not np.asarray(image)[:2].any()  # the padding
+
+
+def test_an_unreadable_photograph_leaves_no_half_written_views(tmp_path):
+    good = save(tmp_path / "a.png", RGB)
+    (tmp_path / "b.png").write_text("not an image")
+    with pytest.raises(InputError, match=r"b\.png"):
+        write_views([good, tmp_path / "b.png"], 16, "pad", tmp_path / "out" / "views")
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_every_nth_view_is_held_out():
+    assert held_out(9, 0) == []
+    assert held_out(9, 4) == [3, 7]
+    assert held_out(3, 4) == []
+    with pytest.raises(InputError, match="holdout 1"):
+        held_out(9, 1)
