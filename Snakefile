@@ -1,15 +1,17 @@
 """Photographs to meshes: silhouettes, cameras, a first mesh, the fit, and what it came to."""
 
 import sys
+from pathlib import Path
+from shlex import quote
 
-from snakemake.exceptions import WorkflowError
 from snakemake.utils import min_version
 
 from silmesh.config import NAME
 from silmesh.errors import InputError
+from silmesh.lock import hold
 from silmesh.plan import Plan
-from silmesh.provenance import code_digest
-
+from silmesh.provenance import code_digest, file_digest
+from silmesh.synthetic.layout import turntable_angles
 
 min_version("9.10")
 
@@ -23,12 +25,24 @@ if not workflow.configfiles:
 container: "docker://python:3.11-slim"
 
 
-PYTHON = sys.executable
+report: "workflow/report/workflow.rst"
+
+
+# Steps run by the Python that runs this.
+shell.prefix(f"PATH={quote(str(Path(sys.executable).parent))}:$PATH; ")
 
 try:
     plan = Plan(config, ", ".join(map(str, workflow.configfiles)))
 except InputError as error:
-    raise WorkflowError(str(error)) from None
+    sys.exit(f"silmesh: {error}")
+
+
+# Snakemake's own lock, which a kill leaves behind, is off in the profile.
+onstart:
+    if not hold(".snakemake/silmesh.lock"):
+        sys.exit(
+            f"silmesh: another run is at work in {Path.cwd()}; wait for its end"
+        )
 
 
 wildcard_constraints:
@@ -43,6 +57,7 @@ rule all:
         "results/report/report.html",
 
 
+include: "workflow/rules/common.smk"
 include: "workflow/rules/synthetic.smk"
 include: "workflow/rules/views.smk"
 include: "workflow/rules/silhouettes.smk"

@@ -4,29 +4,63 @@ The models below are the schema; a key is described, bounded and given its defau
 """
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, Field, StringConstraints, ValidationError
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    StringConstraints,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 
 from silmesh.errors import InputError
 
-NAME = r"[A-Za-z0-9_-]+"  # of objects and variants
+NAME = r"[A-Za-z0-9_][A-Za-z0-9_-]*"  # of objects and variants
 STAGES = "stages"  # the folder beside an object's variants that holds what they share
 
-Name = Annotated[str, StringConstraints(pattern=f"^{NAME}$")]
+
+def _whole(least: int, most: int) -> Any:
+    words = f"a whole number from {least} to {most:,}"
+    return Annotated[int, Field(ge=least, le=most), words]
+
+
+# A type's last part says in words what a value should be, for messages.
+Name = Annotated[
+    str, StringConstraints(pattern=f"^{NAME}$"), "made of letters, digits, '_' and '-' (not first)"
+]
 Resize = Literal["pad", "stretch"]
 SilhouetteSource = Literal["mask", "alpha", "threshold"]
-CameraSource = Annotated[str, StringConstraints(pattern=r"^(turntable|file:.+)$")]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+CameraSource = Annotated[
+    str, StringConstraints(pattern=r"^(turntable|file:.+)$"), "'turntable' or 'file:<path>'"
+]
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False), "a number above 0"]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False), "a number, 0 or above"]
 Momentum = Annotated[float, Field(ge=0, lt=1)]
-Pixels = Annotated[int, Field(ge=16, le=4096)]
+Pixels = _whole(16, 4096)
 
 
 class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    """Keys with their values; nothing at all stands for all defaults."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, coerce_numbers_to_str=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fill_in(cls, values: Any) -> Any:
+        return {} if values is None else values
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _refuse_truth(cls, value: Any) -> Any:
+        if isinstance(value, bool):
+            raise ValueError("no key takes true or false, which would pass for 1 or 0")
+        return value
 
 
 class Views(_Section):
@@ -49,7 +83,7 @@ class Init(_Section):
     """The first mesh."""
 
     shape: Literal["sphere"] = Field("sphere", description="the first mesh")
-    vertices: Annotated[int, Field(ge=12, le=200_000)] | Literal["auto"] = Field(
+    vertices: _whole(12, 200_000) | Literal["auto"] = Field(
         "auto",
         description="642, 1352 and 1922 are the report's spheres of 600, 1,300 and 1,900 polygons; "
         "any other number gives an even sphere; auto chooses of the three by the silhouettes",
@@ -70,17 +104,19 @@ class Fit(_Section):
     """The fit."""
 
     preset: Literal["softras"] = Field("softras", description="the report's procedure")
-    iterations: Annotated[int, Field(ge=1, le=1_000_000)] = Field(2000, description="steps")
+    iterations: _whole(1, 1_000_000) = Field(2000, description="steps")
     learning_rate: Positive = Field(0.01, description="Adam's")
-    betas: tuple[Momentum, Momentum] = Field((0.5, 0.99), description="Adam's")
+    betas: Annotated[tuple[Momentum, Momentum], "two numbers, each 0 or above and below 1"] = Field(
+        (0.5, 0.99), description="Adam's"
+    )
     sigma: Positive = Field(
         1e-4, description="softness of the silhouettes, in squared half-image units"
     )
     weights: Weights = Field(Weights(), description="of the smoothness terms")
-    holdout: Annotated[int, Field(ge=0)] = Field(
-        0, description="every n-th view is kept out of the fit; 0 for none"
-    )
-    seed: Annotated[int, Field(ge=0)] = Field(
+    holdout: Literal[0] | _whole(
+        2, 10_000
+    ) = Field(0, description="every n-th view is kept out of the fit; 0 for none")
+    seed: _whole(0, 2**32 - 1) = Field(
         0, description="of random choices; the preset softras makes none"
     )
     device: Literal["cpu", "cuda", "auto"] = Field(
@@ -101,9 +137,13 @@ class Variant(_Section):
 class Config(_Section):
     """A run."""
 
-    datasets: Path = Field(description="the dataset list, relative to the working directory")
+    datasets: Annotated[Path, "the path of a table"] = Field(
+        description="the dataset list, relative to the working directory"
+    )
     views: Views = Field(Views(), description="the working images")
-    variants: Annotated[dict[Name, Variant], Field(min_length=1)] = Field(
+    variants: Annotated[
+        dict[Name, Variant], Field(min_length=1), "names, each with its settings"
+    ] = Field(
         description="the experiments by name; every object runs every one unless its row names some"
     )
 
@@ -121,46 +161,69 @@ def parse_config(values: Mapping[str, Any], where: str) -> Config:
     try:
         config = Config.model_validate(dict(values))
     except ValidationError as error:
-        lines = [f"{where}: {_explain(dict(e))}" for e in error.errors()]
+        errors = [dict(e) for e in error.errors()]
+        errors = [e for e in errors if e["type"] == "extra_forbidden"] or errors
+        lines = [f"{where}: {_explain(e, values)}" for e in errors]
         raise InputError("\n".join(dict.fromkeys(lines))) from error
     if STAGES in config.variants:
         raise InputError(f"{where}: variants.{STAGES}: this name is taken by the shared stages")
     return config
 
 
-def _explain(error: Mapping[str, Any]) -> str:
+def _explain(error: Mapping[str, Any], values: Mapping[str, Any]) -> str:
     """One line for one of pydantic's errors: the key, what is wrong, what would be right."""
-    path = [str(part) for part in error["loc"] if not _is_union_tag(part)]
-    key = ".".join(path)
+    keys, schema, value = _follow(error["loc"], values)
+    path = ".".join(map(str, keys)) or "all of it"
     if error["type"] == "extra_forbidden":
-        known = list(_model_at(path[:-1]).model_fields)
-        return f"{key}: unknown key; {_nearest(path[-1], known)}"
-    if error["type"] == "missing":
-        return f"{key}: is missing"
-    message = error["msg"].replace("Input should", "should").replace("String should", "should")
-    if path[-1] == "cameras":
-        message = "should be 'turntable' or 'file:<path>'"
-    return f"{key}: {message[0].lower() + message[1:]}, not {error['input']!r}"
+        unknown = error["loc"][-1]
+        path = ".".join(map(str, error["loc"]))
+        return f"{path}: unknown key; {_nearest(str(unknown), list(schema.model_fields))}"
+    if error["type"] == "missing" and keys == list(error["loc"]):
+        return f"{path}: is missing; should be {_in_words(schema)}"
+    if error["loc"][-1] == "[key]":
+        return f"{path}: this name should be {_in_words(Name)}"
+    return f"{path}: should be {_in_words(schema)}, not {'empty' if value is None else repr(value)}"
 
 
-def _is_union_tag(part: object) -> bool:
-    """Whether a step of pydantic's path names a member of a union and not a key."""
-    return (isinstance(part, str) and any(mark in part for mark in "[(")) or part in (
-        "int",
-        "float",
-    )
+def _follow(path: Sequence[str | int], values: Any) -> tuple[list[str | int], Any, Any]:
+    """How far a path leads by keys of the configuration, with the schema and the value there.
 
-
-def _model_at(path: list[str]) -> type[BaseModel]:
-    """The section of the schema at a path of keys."""
-    model: Any = Config
+    What follows in a path of pydantic's are members of unions, places in tuples, and such.
+    """
+    keys, schema = [], Config
     for part in path:
-        if isinstance(model, type) and issubclass(model, BaseModel):
-            model = model.model_fields[part].annotation
-        if not isinstance(model, type):
-            members = [m for m in get_args(model) if isinstance(m, type)]
-            model = next((m for m in members if issubclass(m, BaseModel)), model)
-    return model
+        if (inside := _schema_of(part, schema)) is None:
+            break
+        keys.append(part)
+        schema = inside
+        values = values.get(part) if isinstance(values, Mapping) else None
+    return keys, schema, values
+
+
+def _schema_of(key: str | int, schema: Any) -> Any:
+    """The schema of a key in this part of the schema, or None if it has no such key."""
+    if get_origin(schema) is Annotated:
+        return _schema_of(key, get_args(schema)[0])
+    if get_origin(schema) is dict:
+        return get_args(schema)[1]
+    if isinstance(schema, type) and issubclass(schema, BaseModel):
+        return get_type_hints(schema, include_extras=True).get(key)
+    return None
+
+
+def _in_words(schema: Any) -> str:
+    """What a value of this part of the schema should be."""
+    if get_origin(schema) is Annotated:
+        return next(part for part in get_args(schema) if isinstance(part, str))
+    if get_origin(schema) is Literal:
+        return _either(list(map(repr, get_args(schema))))
+    if get_origin(schema) in (Union, UnionType):
+        return _either([_in_words(part) for part in get_args(schema) if part is not type(None)])
+    return f"a section with keys of {', '.join(schema.model_fields)}"
+
+
+def _either(words: Sequence[str]) -> str:
+    return " or ".join(filter(None, [", ".join(words[:-1]), words[-1]]))
 
 
 def _nearest(word: str, known: list[str]) -> str:

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
 
-from silmesh import synthetic
 from silmesh.config import NAME, SilhouetteSource
 from silmesh.errors import InputError
+from silmesh.synthetic import layout
 from silmesh.views import count_array_views, find_images, match_masks
 
 REQUIRED = ("object", "images", "silhouettes", "cameras")
@@ -88,7 +88,8 @@ def _read_rows(table: Path) -> list[tuple[int, dict[str, str]]]:
         with open(table, encoding="utf-8-sig", newline="") as file:
             lines = list(csv.reader(file, delimiter="\t"))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise InputError(f"{table}: cannot be read as a tab-separated table: {error}") from error
+        why = getattr(error, "strerror", None) or error  # the path is said already
+        raise InputError(f"{table}: cannot be read as a tab-separated table: {why}") from error
     header = [name.strip() for name in lines[0]] if lines else []
     _check_header(table, header)
     rows = []
@@ -128,8 +129,8 @@ def _parse_row(table: Path, line: int, row: Mapping[str, str]) -> Dataset:
     name = row["object"]
     if not re.fullmatch(NAME, name) or name == RESERVED:
         raise InputError(
-            f"{where}: object {name!r} should be made of letters, digits, '_' and '-', "
-            f"and not be {RESERVED!r}"
+            f"{where}: object {name!r} should be made of letters, digits, '_' and '-' "
+            f"(not first), and not be {RESERVED!r}"
         )
     where += f" ({name})"
     try:
@@ -145,7 +146,7 @@ def _parse_row(table: Path, line: int, row: Mapping[str, str]) -> Dataset:
             cameras=cameras,
             turntable=_parse_turntable(row["turntable"]) if row["turntable"] else None,
             truth=_find_truth(table, row["truth"]) if row["truth"] else None,
-            variants=tuple(v.strip() for v in row["variants"].split(",") if v.strip()),
+            variants=tuple(dict.fromkeys(re.findall(r"[^,\s]+", row["variants"]))),
         )
     except InputError as error:
         raise InputError(f"{where}: {error}") from error
@@ -160,7 +161,7 @@ def _find_images(table: Path, cell: str) -> tuple[Path, ...]:
     if not cell:
         raise InputError("images: is empty; should be a folder, a glob or a SoftRas .npy")
     path = _beside(table, cell)
-    if made := synthetic.expected_files(path):
+    if made := layout.promised_files(path):
         return made
     if path.suffix != ".npy":
         images = tuple(find_images(path))
@@ -178,7 +179,7 @@ def _find_masks(table: Path, cell: str, images: tuple[Path, ...]) -> tuple[Path,
     path = _beside(table, cell)
     if images[0].suffix == ".npy":
         raise InputError(f"masks: {path}: an array of images has its masks in its alpha channel")
-    masks = synthetic.expected_files(path) or find_images(path)
+    masks = layout.promised_files(path) or find_images(path)
     return tuple(match_masks(images, masks))
 
 
@@ -219,6 +220,6 @@ def _parse_turntable(cell: str) -> Turntable:
 
 def _find_truth(table: Path, cell: str) -> Path:
     path = _beside(table, cell)
-    if not synthetic.is_expected(path) and not path.is_file():
+    if not layout.is_promised(path) and not path.is_file():
         raise InputError(f"truth: {path}: is not there")
     return path

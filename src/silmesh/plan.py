@@ -132,15 +132,18 @@ def _runs_of(dataset: Dataset, config: Config, where: str) -> list[Run]:
                 f"which has {', '.join(config.variants)}"
             )
     names = dataset.variants or config.variants
-    return [_decide(dataset, name, config.variants[name], config) for name in names]
+    return [_decide(dataset, name, config.variants[name], config, where) for name in names]
 
 
-def _decide(dataset: Dataset, name: str, variant: Variant, config: Config) -> Run:
+def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where: str) -> Run:
     """An object's run with a variant: the variant's word, else the row's, else the run's."""
     views = config.views.model_copy(update=variant.views.model_dump(exclude_none=True))
     cameras = dataset.cameras
     if variant.cameras:
-        cameras = resolve_cameras(config.datasets, variant.cameras)
+        try:
+            cameras = resolve_cameras(config.datasets, variant.cameras)
+        except InputError as error:
+            raise InputError(f"{where}: variants.{name}.{error}") from error
     silhouettes = variant.silhouettes or dataset.silhouettes
     if silhouettes == "mask" and not dataset.masks:
         raise InputError(

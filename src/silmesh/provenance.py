@@ -8,78 +8,95 @@ time stamps or where the checkout lies.
 import ast
 import hashlib
 from functools import cache
-from importlib.util import find_spec, resolve_name
+from importlib.util import resolve_name
 from pathlib import Path
 
 PACKAGE = "silmesh"
+SOURCE = Path(__file__).parents[1]  # the folder that holds the package
+DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 
 
-def code_digest(module: str) -> str:
+def code_digest(module: str, source: Path = SOURCE) -> str:
     """Digest of a module of this package and of all that it imports from the package.
+
+    No module is imported for it: the Snakefile asks for every step each time it is read.
 
     Args:
         module: its dotted name, for example ``silmesh.steps.fit``
+        source: the folder that holds the package
     Returns:
         16 hexadecimal digits
+
+    Raises:
+        ModuleNotFoundError: there is no such module
     """
+    files = _reachable(module, source)
+    if module not in files:
+        raise ModuleNotFoundError(f"{source}: has no module {module}")
     digest = hashlib.sha256()
-    for name in sorted(_reachable(module)):
-        digest.update(name.encode() + b"\0" + _tree(name).encode() + b"\0")
+    for name, file in sorted(files.items()):
+        digest.update(name.encode() + b"\0" + _tree(file).encode() + b"\0")
     return digest.hexdigest()[:16]
 
 
-def _reachable(module: str) -> set[str]:
-    """The module and all modules of the package that importing it runs."""
-    found: set[str] = set()
-    waiting = [module]
+def file_digest(package: str, name: str, source: Path = SOURCE) -> str:
+    """Digest of a file that a package of ours brings along: 16 hexadecimal digits."""
+    file = source.joinpath(*package.split("."), name)
+    return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
+
+
+def _reachable(module: str, source: Path) -> dict[str, Path]:
+    """The module and all modules of the package that importing it runs, with their files."""
+    found: dict[str, Path] = {}
+    waiting = _with_parents(module)
     while waiting:
         name = waiting.pop()
-        if name not in found and _source(name) is not None:
-            found.add(name)
-            waiting += _imports(name)
+        file = _file(name, source)
+        if name not in found and file is not None:
+            found[name] = file
+            waiting += _imports(name, file)
     return found
 
 
-@cache
-def _source(module: str) -> Path | None:
-    """The file of a module, or None if there is no such module."""
-    try:
-        spec = find_spec(module)
-    except ModuleNotFoundError:
-        return None
-    return Path(spec.origin) if spec and spec.origin else None
+def _file(module: str, source: Path) -> Path | None:
+    """The file of a module or a package, or None if there is no such module."""
+    path = source.joinpath(*module.split("."))
+    candidates = path / "__init__.py", path.with_suffix(".py")
+    return next((file for file in candidates if file.is_file()), None)
 
 
 @cache
-def _parsed(module: str) -> ast.Module:
-    return ast.parse(_source(module).read_text(encoding="utf-8"))
-
-
-@cache
-def _tree(module: str) -> str:
+def _tree(file: Path) -> str:
     """The syntax tree as text, without positions and docstrings."""
-    tree = ast.parse(ast.unparse(_parsed(module)))
+    tree = _parse(file)
     for node in ast.walk(tree):
-        if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-            first = node.body[0] if node.body else None
-            if isinstance(first, ast.Expr) and isinstance(first.value, ast.Constant):
-                node.body = node.body[1:] or [ast.Pass()]
+        if isinstance(node, DOCUMENTED) and ast.get_docstring(node) is not None:
+            node.body = node.body[1:]
     return ast.dump(tree)
 
 
 @cache
-def _imports(module: str) -> list[str]:
+def _imports(module: str, file: Path) -> list[str]:
     """What a module imports from the package: names that may be modules, and their parents."""
-    is_package = _source(module).name == "__init__.py"
     names = []
-    for node in ast.walk(_parsed(module)):
+    for node in ast.walk(_parse(file)):
         if isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             base = node.module or ""
             if node.level:
-                anchor = module if is_package else module.rpartition(".")[0]
+                anchor = module if file.name == "__init__.py" else module.rpartition(".")[0]
                 base = resolve_name("." * node.level + base, anchor)
             names += [base] + [f"{base}.{alias.name}" for alias in node.names]
     ours = [name for name in names if name.split(".")[0] == PACKAGE]
-    return [".".join(name.split(".")[: i + 1]) for name in ours for i in range(name.count(".") + 1)]
+    return [parent for name in ours for parent in _with_parents(name)]
+
+
+def _parse(file: Path) -> ast.Module:
+    return ast.parse(file.read_text(encoding="utf-8"))
+
+
+def _with_parents(module: str) -> list[str]:
+    """``a.b.c`` with the packages ``a`` and ``a.b``, whose code runs first."""
+    parts = module.split(".")
+    return [".".join(parts[: i + 1]) for i in range(len(parts))]

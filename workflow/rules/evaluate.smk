@@ -3,17 +3,6 @@
 # runs      silmesh.steps.evaluate
 
 
-def evaluate_inputs(wildcards):
-    """What a mesh is measured against."""
-    truth = plan.run(wildcards.object, wildcards.variant).dataset.truth
-    stages = fit_inputs(wildcards)
-    return {
-        "silhouettes": stages["silhouettes"],
-        "scene": stages["scene"],
-        "truth": truth or [],
-    }
-
-
 rule evaluate:
     input:
         unpack(evaluate_inputs),
@@ -22,18 +11,18 @@ rule evaluate:
         loss="results/{object}/{variant}/loss.csv",
     output:
         "results/{object}/{variant}/metrics.json",
-    params:
-        settings=lambda w: "--holdout {0.holdout} --sigma {0.sigma:g}".format(
-            plan.run(w.object, w.variant).fit
-        ),
-        truth=lambda w, input: f"--truth '{input.truth}'" if input.truth else "",
-        code=code_digest("silmesh.steps.evaluate"),
     log:
         "logs/evaluate/{object}-{variant}.log",
+    params:
+        settings=lambda w: "--holdout {0.holdout} --sigma {0.sigma}".format(
+            plan.run(w.object, w.variant).fit
+        ),
+        truth=lambda w, input: f"--truth {quote(input.truth)}" if input.truth else "",
+        code=code_digest("silmesh.steps.evaluate"),
     message:
         "{wildcards.object}/{wildcards.variant}: evaluating"
     shell:
-        "{PYTHON:q} -m silmesh.steps.evaluate --mesh {input.mesh:q} --cameras {input.cameras:q}"
+        "python -m silmesh.steps.evaluate --mesh {input.mesh:q} --cameras {input.cameras:q}"
         " --loss {input.loss:q} --silhouettes {input.silhouettes:q} --scene {input.scene:q}"
         " {params.truth} {params.settings}"
         " --threads {threads} --output {output:q} 2> {log:q}"

@@ -3,28 +3,23 @@
 # runs      silmesh.steps.first
 
 
-def with_first(wildcards):
-    """A run that has this first mesh."""
-    return plan.with_key(wildcards.object, "first", wildcards.first)
-
-
 rule first:
     input:
         silhouettes=lambda w: f"results/{w.object}/stages/silhouettes/{with_first(w).silhouettes_key}",
         scene=lambda w: f"results/{w.object}/stages/scenes/{with_first(w).scene_key}",
     output:
         "results/{object}/stages/first/{first}.ply",
+    log:
+        "logs/first/{object}-{first}.log",
+    priority: 5
     params:
         settings=lambda w: "--shape {0.shape} --vertices {0.vertices} --align {0.align}".format(
             with_first(w).init
         ),
         code=code_digest("silmesh.steps.first"),
-    log:
-        "logs/first/{object}-{first}.log",
-    priority: 5
     message:
         "{wildcards.object}: making the first mesh {wildcards.first}"
     shell:
-        "{PYTHON:q} -m silmesh.steps.first --silhouettes {input.silhouettes:q}"
+        "python -m silmesh.steps.first --silhouettes {input.silhouettes:q}"
         " --cameras {input.scene:q}/cameras.json {params.settings}"
         " --output {output:q} 2> {log:q}"

@@ -11,13 +11,13 @@ rule silhouettes:
         ).masks,
     output:
         directory("results/{object}/stages/silhouettes/{views}-{source}"),
-    params:
-        code=code_digest("silmesh.steps.silhouettes"),
     log:
         "logs/silhouettes/{object}-{views}-{source}.log",
     priority: 10
+    params:
+        code=code_digest("silmesh.steps.silhouettes"),
     message:
         "{wildcards.object}: finding silhouettes by {wildcards.source}"
     shell:
-        "{PYTHON:q} -m silmesh.steps.silhouettes --views {input.views:q}"
+        "python -m silmesh.steps.silhouettes --views {input.views:q}"
         " --source {wildcards.source} --masks {input.masks:q} --output {output:q} 2> {log:q}"

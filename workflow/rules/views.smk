@@ -8,16 +8,16 @@ rule views:
         images=lambda w: plan.with_key(w.object, "views", w.views).dataset.images,
     output:
         directory("results/{object}/stages/views/{views}"),
+    log:
+        "logs/views/{object}-{views}.log",
+    priority: 10
     params:
         settings=lambda w: "--size {0.size} --resize {0.resize}".format(
             plan.with_key(w.object, "views", w.views).views
         ),
         code=code_digest("silmesh.steps.views"),
-    log:
-        "logs/views/{object}-{views}.log",
-    priority: 10
     message:
-        "{wildcards.object}: resizing {input.images}"
+        "{wildcards.object}: resizing its photographs"
     shell:
-        "{PYTHON:q} -m silmesh.steps.views --images {input.images:q}"
+        "python -m silmesh.steps.views --images {input.images:q}"
         " {params.settings} --output {output:q} 2> {log:q}"

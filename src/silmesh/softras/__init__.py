@@ -1,8 +1,8 @@
 """Soft rasterisation: silhouettes that are differentiable in the projected vertices.
 
-``soft_silhouettes`` is the one entry. The equations are in ``silmesh.softras.reference``, plain
-torch for any device and dtype; ``silmesh.softras.cpu`` holds the fast kernel for float32 on the
-CPU, tested against it.
+``soft_silhouettes`` is the entry for fitting. Its equations are in ``silmesh.softras.reference``,
+plain torch for any device and dtype; ``silmesh.softras.cpu`` holds the fast kernel for float32 on
+the CPU, tested against it. ``render_colours`` makes pictures.
 """
 
 import math
@@ -11,8 +11,9 @@ import torch
 from torch import Tensor
 
 from silmesh.softras import cpu, reference
+from silmesh.softras.colours import render_colours
 
-__all__ = ["soft_silhouettes"]
+__all__ = ["render_colours", "soft_silhouettes"]
 
 
 def soft_silhouettes(

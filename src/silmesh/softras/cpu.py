@@ -6,7 +6,9 @@ The equations are those of ``silmesh.softras.reference``. What is particular her
 - 1 / (1 - D) = 1 + 2^z, so a view keeps the product P = 1 / T of these in one image, and no list
   of the faces of a pixel or of the pixels of a face: memory grows with views x pixels alone.
 - A face is drawn in windows of at most 64 x 64 pixels. Their origins are set in float64, so within
-  a window float32 is exact to about 1e-6 pixel however large the face.
+  a window distances in float32 are right to about 1e-6 pixel however large the face. (The foot of
+  the gradient's p - c is placed along its edge to 1e-7 of the edge's length, which shows only where
+  sqrt(sigma) is a thousandth of that length.)
 - In each row of a window only the span that lies within the cutoff of all three edges' half-planes
   is visited, eight pixels at a time, without branches.
 
@@ -25,31 +27,35 @@ from numba import njit
 from torch import Tensor
 
 from silmesh.softras.lanes import (
-    LANES,
+    COLUMNS,
+    ROWS,
     any_nonzero,
+    columns,
     exp2,
     larger,
     load,
-    ramp,
+    minus_product,
+    plus_product,
+    rows,
     smaller,
     splat,
     store,
     total,
     where_less,
 )
-from silmesh.softras.reference import CUTOFF, THIN
+from silmesh.softras.reference import CUTOFF, THIN, TIE
 
 WINDOW = 64  # pixels
 LOG2_E = math.log2(math.e)
 CUTOFF_Z = CUTOFF * LOG2_E
 THIN_Z = THIN * math.sqrt(LOG2_E)
 LARGEST_Z = 126  # 2^z stays finite
-OPAQUE = 1e30  # P stops here, before float32 overflows
 SPENT = 1e12  # at this P a pixel is opaque to float32 many times over: it passes no gradient
 FAR = 1e9  # pixels: no bound
 SLACK = 0.01  # pixels: spans are wider by this, so that rounding loses no pixel
 LEVEL = 0.02  # an edge that rises less than this bounds no span
 
+# numba's cache on disk does not see edits of ``lanes`` or ``reference``: touch this file after them
 _jit = njit(nogil=True, cache=True, fastmath={"contract"}, error_model="numpy")
 
 
@@ -73,8 +79,9 @@ class Line(NamedTuple):
     """An edge as seen from a window's first pixel, in float32.
 
     There, ``before`` = -u and ``after`` = u - length (positive past the ends) and ``across`` = v.
-    In row j, pixels within the cutoff of the inner half-plane lie from ``left + slope j`` or up to
-    ``right + slope j``. ``before`` times ``share`` is the share of the way from a to b.
+    In rows j and j + 1, pixels within the cutoff of the inner half-plane lie from
+    ``left + slope j`` or up to ``right + slope j``. ``before`` times ``share`` is the share of the
+    way from a to b.
     """
 
     before: float
@@ -117,7 +124,10 @@ def _make_edge(ax, ay, bx, by, sign, scale):
 
 @_jit
 def _make_edges(a, b, c, scale):
-    """The edges of a triangle, and the v above which a pixel is inside: no v if it is thin."""
+    """The edges of a triangle, the v above which a pixel is inside, and what breaks ties.
+
+    A thin triangle has no inside, and of its edges the first is preferred (see ``reference``).
+    """
     area2 = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
     sign = -1.0 if area2 < 0 else 1.0
     ab = _make_edge(a[0], a[1], b[0], b[1], sign, scale)
@@ -125,7 +135,9 @@ def _make_edges(a, b, c, scale):
     ca = _make_edge(c[0], c[1], a[0], a[1], sign, scale)
     longest = max(ab.length, bc.length, ca.length)
     thick = abs(area2) * scale * scale > THIN_Z * longest
-    return (ab, bc, ca), np.float32(0.0 if thick else np.inf)
+    if thick:
+        return (ab, bc, ca), np.float32(0.0), np.float32(1.0)
+    return (ab, bc, ca), np.float32(np.inf), np.float32(TIE)
 
 
 @_jit
@@ -143,7 +155,7 @@ def _find_pixels(a, b, c, radius, size):
         return 0, 0
     low = min(max(min(a, b, c) - radius - 0.5, 0.0), np.float64(size))
     high = min(max(max(a, b, c) + radius - 0.5, -1.0), size - 1.0)
-    return int(math.ceil(low)), int(math.floor(high)) + 1
+    return math.ceil(low), math.floor(high) + 1
 
 
 @_jit
@@ -158,9 +170,9 @@ def _see_line(edge, x, y):
         reach = math.sqrt(CUTOFF_Z)
         slope = -edge.vy / edge.vx
         if edge.vx > 0:
-            left = (-reach - v) / edge.vx - SLACK
+            left = (-reach - v) / edge.vx + min(slope, 0.0) - SLACK
         else:
-            right = (-reach - v) / edge.vx + SLACK
+            right = (-reach - v) / edge.vx + max(slope, 0.0) + SLACK
     return Line(
         np.float32(-u),
         np.float32(u - edge.length),
@@ -169,8 +181,8 @@ def _see_line(edge, x, y):
         np.float32(edge.uy),
         np.float32(edge.vx),
         np.float32(edge.vy),
-        np.float32(left),
-        np.float32(right),
+        np.float32(min(left, FAR)),
+        np.float32(max(right, -FAR)),
         np.float32(slope),
         np.float32(-1.0 / edge.length if edge.length > 0 else 0.0),
     )
@@ -178,20 +190,24 @@ def _see_line(edge, x, y):
 
 @_jit
 def _find_span(ab, bc, ca, j, width):
-    """First pixel and number of blocks of pixels to visit in row j of a window."""
+    """First pixel and number of blocks to visit in rows j and j + 1 of a window."""
     low = max(ab.left + ab.slope * j, bc.left + bc.slope * j, ca.left + ca.slope * j)
     high = min(ab.right + ab.slope * j, bc.right + bc.slope * j, ca.right + ca.slope * j)
-    first = int(math.ceil(max(low, np.float32(0))))
-    last = int(math.floor(min(high, np.float32(width - 1))))
-    return first, (last - first + LANES) // LANES if last >= first else 0
+    first = np.int64(max(low, np.float32(0)))
+    if width == WINDOW:
+        first -= first % COLUMNS  # so that no block reaches into the next window
+    last = np.int64(min(high, np.float32(width - 1)))
+    return first, (last - first + COLUMNS) // COLUMNS if last >= first else 0
 
 
 @_jit
-def _enter_row(line, j):
+def _enter_rows(line, j):
+    """A line in the rows ``j`` of a block, at its window's first column."""
+    uy = splat(line.uy)
     return Row(
-        splat(line.before - line.uy * j),
-        splat(line.after + line.uy * j),
-        splat(line.across + line.vy * j),
+        minus_product(splat(line.before), uy, j),
+        plus_product(splat(line.after), uy, j),
+        plus_product(splat(line.across), splat(line.vy), j),
         splat(line.ux),
         splat(line.vx),
     )
@@ -200,12 +216,11 @@ def _enter_row(line, j):
 @_jit
 def _measure(row, i):
     """How far pixels i lie before a, across the line, and from the edge (squared)."""
-    zero = splat(np.float32(0))
-    before = row.before - row.ux * i
-    after = row.after + row.ux * i
-    across = row.across + row.vx * i
-    beyond = larger(larger(before, after), zero)
-    return before, across, across * across + beyond * beyond
+    before = minus_product(row.before, row.ux, i)
+    after = plus_product(row.after, row.ux, i)
+    across = plus_product(row.across, row.vx, i)
+    beyond = larger(larger(before, after), splat(np.float32(0)))
+    return before, across, plus_product(beyond * beyond, across, across)
 
 
 @_jit
@@ -213,7 +228,7 @@ def _odds(distance2, across, inside):
     """D / (1 - D) = 2^z; zero past the cutoff. ``across`` is the smallest of the three."""
     zero = splat(np.float32(0))
     z = where_less(inside, across, distance2, zero - distance2)
-    odds = exp2(smaller(larger(z, splat(np.float32(-LARGEST_Z))), splat(np.float32(LARGEST_Z))))
+    odds = exp2(smaller(z, splat(np.float32(LARGEST_Z))))
     return where_less(z, splat(np.float32(-CUTOFF_Z)), zero, odds)
 
 
@@ -222,26 +237,25 @@ def _multiply_window(product, start, stride, lines, inside, extent):
     """Multiply P by the 1 + 2^z of one triangle in one window."""
     ab, bc, ca = lines
     height, width = extent
-    one = splat(np.float32(1))
     inside = splat(inside)
-    for row in range(height):
-        j = np.float32(row)
-        first, blocks = _find_span(ab, bc, ca, j, width)
-        row_ab = _enter_row(ab, j)
-        row_bc = _enter_row(bc, j)
-        row_ca = _enter_row(ca, j)
-        for block in range(blocks):
-            at = first + block * LANES
-            i = ramp(at)
+    for row in range(0, height, ROWS):
+        first, blocks = _find_span(ab, bc, ca, np.float32(row), width)
+        j = splat(np.float32(row)) + rows()
+        row_ab = _enter_rows(ab, j)
+        row_bc = _enter_rows(bc, j)
+        row_ca = _enter_rows(ca, j)
+        i = splat(np.float32(first)) + columns()
+        k = start + row * stride + first
+        for _ in range(blocks):
             _, v_ab, d_ab = _measure(row_ab, i)
             _, v_bc, d_bc = _measure(row_bc, i)
             _, v_ca, d_ca = _measure(row_ca, i)
-            odds = _odds(
-                smaller(smaller(d_ab, d_bc), d_ca), smaller(smaller(v_ab, v_bc), v_ca), inside
-            )
-            k = start + row * stride + at
-            p = load(product, k) * (one + odds)
-            store(product, k, smaller(p, splat(np.float32(OPAQUE))))
+            nearest = smaller(smaller(d_ab, d_bc), d_ca)
+            odds = _odds(nearest, smaller(smaller(v_ab, v_bc), v_ca), inside)
+            p = load(product, k, stride)
+            store(product, k, stride, plus_product(p, p, odds))
+            i = i + splat(np.float32(COLUMNS))
+            k += COLUMNS
 
 
 @_jit
@@ -262,10 +276,10 @@ def _fill_product(points, faces, size, scale, product):
         faces: [faces, 3] int64
         size: height and width
         scale: from pixels to lengths whose square is z
-        product: [height x (width + LANES)] float32, written
+        product: float32, flat, of ``_count_padded(size)`` pixels, written
     """
     height, width = size
-    stride = width + LANES
+    stride = width + COLUMNS
     radius = math.sqrt(CUTOFF_Z) / scale
     product[:] = 1
     for face in range(faces.shape[0]):
@@ -276,7 +290,7 @@ def _fill_product(points, faces, size, scale, product):
         y0, y1 = _find_pixels(a[1], b[1], c[1], radius, height)
         if x0 >= x1 or y0 >= y1:
             continue
-        edges, inside = _make_edges(a, b, c, scale)
+        edges, inside, _ = _make_edges(a, b, c, scale)
         for y in range(y0, y1, WINDOW):
             for x in range(x0, x1, WINDOW):
                 lines = _see_lines(edges, x, y)
@@ -285,7 +299,7 @@ def _fill_product(points, faces, size, scale, product):
 
 
 @_jit
-def _sum_window(weight, start, stride, lines, inside, corners, extent):
+def _sum_window(weight, start, stride, lines, inside, tie, corners, extent):
     """Sum over a window: w (p - c) times the barycentric coordinates of c, the nearest point.
 
     w is ``weight`` times D with the sign of z. Returns the sums of all, of a's share and of b's.
@@ -296,47 +310,53 @@ def _sum_window(weight, start, stride, lines, inside, corners, extent):
     zero = splat(np.float32(0))
     one = splat(np.float32(1))
     inside = splat(inside)
+    tie = splat(tie)
     sum_x, sum_y, sum_ax, sum_ay, sum_bx, sum_by = zero, zero, zero, zero, zero, zero
-    for row in range(height):
-        j = np.float32(row)
-        first, blocks = _find_span(ab, bc, ca, j, width)
-        row_ab = _enter_row(ab, j)
-        row_bc = _enter_row(bc, j)
-        row_ca = _enter_row(ca, j)
-        for block in range(blocks):
-            at = first + block * LANES
-            w = load(weight, start + row * stride + at)
+    for row in range(0, height, ROWS):
+        first, blocks = _find_span(ab, bc, ca, np.float32(row), width)
+        j = splat(np.float32(row)) + rows()
+        row_ab = _enter_rows(ab, j)
+        row_bc = _enter_rows(bc, j)
+        row_ca = _enter_rows(ca, j)
+        below = j - splat(cy)
+        i = splat(np.float32(first - COLUMNS)) + columns()
+        k = start + row * stride + first - COLUMNS
+        for _ in range(blocks):
+            i = i + splat(np.float32(COLUMNS))
+            k += COLUMNS
+            w = load(weight, k, stride)
             if not any_nonzero(w):
                 continue
-            i = ramp(at)
             s_ab, v_ab, d_ab = _measure(row_ab, i)
             s_bc, v_bc, d_bc = _measure(row_bc, i)
             s_ca, v_ca, d_ca = _measure(row_ca, i)
             others = smaller(d_bc, d_ca)
+            rival_ab = d_ab * tie
+            rival_bc = d_ca * tie
             across = smaller(smaller(v_ab, v_bc), v_ca)
             odds = _odds(smaller(d_ab, others), across, inside)
             w = w * odds / (one + odds)
             w = where_less(inside, across, w, zero - w)
 
             # barycentric coordinates of the nearest point: s of the way along the nearest edge
-            s = where_less(d_bc, d_ca, s_bc * splat(bc.share), s_ca * splat(ca.share))
-            s = where_less(others, d_ab, s, s_ab * splat(ab.share))
+            s = where_less(d_bc, rival_bc, s_bc * splat(bc.share), s_ca * splat(ca.share))
+            s = where_less(others, rival_ab, s, s_ab * splat(ab.share))
             s = smaller(larger(s, zero), one)
-            on_a = where_less(d_bc, d_ca, zero, s)
-            on_b = where_less(d_bc, d_ca, one - s, zero)
-            on_a = where_less(others, d_ab, on_a, one - s)
-            on_b = where_less(others, d_ab, on_b, s)
+            on_a = where_less(d_bc, rival_bc, zero, s)
+            on_b = where_less(d_bc, rival_bc, one - s, zero)
+            on_a = where_less(others, rival_ab, on_a, one - s)
+            on_b = where_less(others, rival_ab, on_b, s)
 
-            x = i - splat(cx) - on_a * splat(ax) - on_b * splat(bx)
-            y = splat(j - cy) - on_a * splat(ay) - on_b * splat(by)
+            x = minus_product(minus_product(i - splat(cx), on_a, splat(ax)), on_b, splat(bx))
+            y = minus_product(minus_product(below, on_a, splat(ay)), on_b, splat(by))
             x = w * x
             y = w * y
             sum_x = sum_x + x
             sum_y = sum_y + y
-            sum_ax = sum_ax + on_a * x
-            sum_ay = sum_ay + on_a * y
-            sum_bx = sum_bx + on_b * x
-            sum_by = sum_by + on_b * y
+            sum_ax = plus_product(sum_ax, on_a, x)
+            sum_ay = plus_product(sum_ay, on_a, y)
+            sum_bx = plus_product(sum_bx, on_b, x)
+            sum_by = plus_product(sum_by, on_b, y)
     return total(sum_x), total(sum_y), total(sum_ax), total(sum_ay), total(sum_bx), total(sum_by)
 
 
@@ -356,11 +376,11 @@ def _fill_gradient(points, faces, size, scale, weight, gradient):
 
     Args:
         points, faces, size, scale: as in ``_fill_product``
-        weight: [height x (width + LANES)] float32, T times the gradient with respect to alpha
+        weight: float32, laid out as ``product``: T times the gradient with respect to alpha
         gradient: [verts, 2] float32, added to
     """
     height, width = size
-    stride = width + LANES
+    stride = width + COLUMNS
     radius = math.sqrt(CUTOFF_Z) / scale
     for face in range(faces.shape[0]):
         a = _corner(points, faces[face, 0])
@@ -370,14 +390,14 @@ def _fill_gradient(points, faces, size, scale, weight, gradient):
         y0, y1 = _find_pixels(a[1], b[1], c[1], radius, height)
         if x0 >= x1 or y0 >= y1:
             continue
-        edges, inside = _make_edges(a, b, c, scale)
+        edges, inside, tie = _make_edges(a, b, c, scale)
         for y in range(y0, y1, WINDOW):
             for x in range(x0, x1, WINDOW):
                 lines = _see_lines(edges, x, y)
                 corners = _see_corners(a, b, c, x, y)
                 extent = min(WINDOW, y1 - y), min(WINDOW, x1 - x)
                 gx, gy, gax, gay, gbx, gby = _sum_window(
-                    weight, y * stride + x, stride, lines, inside, corners, extent
+                    weight, y * stride + x, stride, lines, inside, tie, corners, extent
                 )
                 gradient[faces[face, 0], 0] += gax
                 gradient[faces[face, 0], 1] += gay
@@ -394,15 +414,15 @@ def _draw(points, faces, scale, product, alpha):
     _fill_product(points, faces, (height, width), scale, product)
     for y in range(height):
         for x in range(width):
-            p = product[y * (width + LANES) + x]
-            alpha[y, x] = (p - np.float32(1)) / p
+            p = product[y * (width + COLUMNS) + x]
+            alpha[y, x] = (p - np.float32(1)) / p if p < np.float32(np.inf) else np.float32(1)
 
 
 @_jit
 def _draw_back(points, faces, scale, product, upstream, weight, gradient):
     """The gradient [verts, 2] of one view from that with respect to alpha [height, width]."""
     height, width = upstream.shape
-    stride = width + LANES
+    stride = width + COLUMNS
     weight[:] = 0
     for y in range(height):
         for x in range(width):
@@ -430,7 +450,7 @@ class _SoftSilhouettes(torch.autograd.Function):
         height, width = size
         ctx.scale = math.sqrt(LOG2_E / sigma) / (max(size) / 2)
         alpha = points.new_empty(len(points), height, width)
-        product = points.new_empty(len(points), height * (width + LANES))
+        product = points.new_empty(len(points), _count_padded(size))
         ctx.save_for_backward(points, faces, product)
         arrays = points.numpy(), faces.numpy(), product.numpy(), alpha.numpy()
 
@@ -458,6 +478,12 @@ class _SoftSilhouettes(torch.autograd.Function):
 
         _run(draw_back, len(points))
         return gradient, None, None, None
+
+
+def _count_padded(size: tuple[int, int]) -> int:
+    """Pixels of an image whose last blocks may reach beyond its right and lower sides."""
+    height, width = size
+    return (height + ROWS) * (width + COLUMNS)
 
 
 def _run(work: Callable[[int], None], views: int) -> None:

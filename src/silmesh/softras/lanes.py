@@ -1,12 +1,15 @@
-"""Eight float32 in one register, as a numba type.
+"""Eight float32 in one register, as a numba type: a block of 4 x 2 pixels.
 
 numba's vectoriser gives up on the rasteriser's inner loop and its wheels carry no vector math
 library, so the kernels in ``silmesh.softras.cpu`` say themselves what is done eight pixels at a
-time. LLVM lowers ``<8 x float>`` to AVX where there is AVX, and to halves or quarters elsewhere.
+time. LLVM lowers ``<8 x float>`` to one register where there is AVX, and to two elsewhere.
 
-    i = ramp(start)                 # start, start + 1, ... start + 7
-    d = load(pixels, k) * splat(scale) + i
-    store(pixels, k, where_less(d, splat(0), a, b))
+    lane  0 1 2 3      of the pixels that begin at index k
+          4 5 6 7      of those in the row below, at k + stride
+
+    x = splat(first) + columns()
+    d = load(pixels, k, stride) * x - splat(r)
+    store(pixels, k, stride, where_less(d, splat(0), a, b))
 """
 
 import operator
@@ -18,6 +21,8 @@ from numba.core import cgutils
 from numba.extending import intrinsic, models, overload, register_model
 
 LANES = 8
+COLUMNS = 4
+ROWS = 2
 
 _F32 = ir.FloatType()
 _I32 = ir.IntType(32)
@@ -68,44 +73,61 @@ def splat(typingctx, value):
     return lanes(value), codegen
 
 
+def _pattern(values):
+    @intrinsic
+    def make(typingctx):
+        def codegen(context, builder, signature, args):
+            return ir.Constant(_VECTOR, [float(value) for value in values])
+
+        return lanes(), codegen
+
+    return make
+
+
+columns = _pattern([0, 1, 2, 3, 0, 1, 2, 3])
+rows = _pattern([0, 0, 0, 0, 1, 1, 1, 1])
+
+
+def _pointers(context, builder, signature, args):
+    """Where the two rows of a block begin in a flat array; nothing is checked."""
+    data = context.make_array(signature.args[0])(context, builder, args[0]).data
+    k, stride = (
+        context.cast(builder, value, of, types.intp)
+        for value, of in zip(args[1:3], signature.args[1:3], strict=True)
+    )
+    half = ir.VectorType(_F32, COLUMNS).as_pointer()
+    starts = (k, builder.add(k, stride))
+    return [builder.bitcast(builder.gep(data, [start]), half) for start in starts]
+
+
+def _choose(first, count):
+    return ir.Constant(ir.VectorType(_I32, count), list(range(first, first + count)))
+
+
 @intrinsic
-def ramp(typingctx, start):
-    """``start``, ``start + 1``, ... ``start + 7``."""
+def load(typingctx, array, index, stride):
+    """The block at ``index`` of a flat float32 array whose rows are ``stride`` apart."""
 
     def codegen(context, builder, signature, args):
-        first = _repeat(builder, context.cast(builder, args[0], start, types.float32))
-        return builder.fadd(first, ir.Constant(_VECTOR, [float(i) for i in range(LANES)]))
+        above, below = (
+            builder.load(at, align=4) for at in _pointers(context, builder, signature, args)
+        )
+        return builder.shuffle_vector(above, below, _choose(0, LANES))
 
-    return lanes(start), codegen
-
-
-def _pointer(context, builder, array_type, array, index):
-    """Where eight consecutive elements of a flat array begin; the index is not checked."""
-    data = context.make_array(array_type)(context, builder, array).data
-    return builder.bitcast(builder.gep(data, [index]), _VECTOR.as_pointer())
+    return lanes(array, index, stride), codegen
 
 
 @intrinsic
-def load(typingctx, array, index):
-    """Elements ``index`` to ``index + 7`` of a flat contiguous float32 array."""
+def store(typingctx, array, index, stride, value):
+    """Write the block at ``index`` of a flat float32 array whose rows are ``stride`` apart."""
 
     def codegen(context, builder, signature, args):
-        at = context.cast(builder, args[1], index, types.intp)
-        return builder.load(_pointer(context, builder, array, args[0], at), align=4)
-
-    return lanes(array, index), codegen
-
-
-@intrinsic
-def store(typingctx, array, index, value):
-    """Write elements ``index`` to ``index + 7`` of a flat contiguous float32 array."""
-
-    def codegen(context, builder, signature, args):
-        at = context.cast(builder, args[1], index, types.intp)
-        builder.store(args[2], _pointer(context, builder, array, args[0], at), align=4)
+        for row, at in enumerate(_pointers(context, builder, signature, args)):
+            part = builder.shuffle_vector(args[3], args[3], _choose(row * COLUMNS, COLUMNS))
+            builder.store(part, at, align=4)
         return context.get_dummy_value()
 
-    return types.void(array, index, value), codegen
+    return types.void(array, index, stride, value), codegen
 
 
 def _binary(instruction):
@@ -139,6 +161,28 @@ for _operation, _function in (
     (operator.truediv, _divide),
 ):
     _overload(_operation, _function)
+
+
+@intrinsic
+def plus_product(typingctx, c, a, b):
+    """``c`` + ``a`` ``b``, in one instruction where there is one."""
+
+    def codegen(context, builder, signature, args):
+        c, a, b = args
+        return _call(builder, f"llvm.fmuladd.v{LANES}f32", [a, b, c])
+
+    return lanes(lanes, lanes, lanes), codegen
+
+
+@intrinsic
+def minus_product(typingctx, c, a, b):
+    """``c`` - ``a`` ``b``, in one instruction where there is one."""
+
+    def codegen(context, builder, signature, args):
+        c, a, b = args
+        return _call(builder, f"llvm.fmuladd.v{LANES}f32", [builder.fneg(a), b, c])
+
+    return lanes(lanes, lanes, lanes), codegen
 
 
 @intrinsic
@@ -229,12 +273,12 @@ _C0, _C1, _C2, _C3, _C4, _C5 = (
 
 @njit
 def exp2(z):
-    """2^z in each lane, for z in [-126, 127], to a relative error of 3e-7."""
+    """2^z in each lane to a relative error of 2e-7, for z in [-126, 127]; anything outside."""
     n = _round(z)
     f = z - n
-    p = splat(_C5) * f + splat(_C4)
-    p = p * f + splat(_C3)
-    p = p * f + splat(_C2)
-    p = p * f + splat(_C1)
-    p = p * f + splat(_C0)
+    p = plus_product(splat(_C4), splat(_C5), f)
+    p = plus_product(splat(_C3), p, f)
+    p = plus_product(splat(_C2), p, f)
+    p = plus_product(splat(_C1), p, f)
+    p = plus_product(splat(_C0), p, f)
     return p * _power_of_two(n)

@@ -19,14 +19,16 @@ On an edge from a to b, c = a + s (b - a) is the point nearest to p, s in [0, 1]
 
     d(d^2) / da = -2 (1 - s) (p - c)        d(d^2) / db = -2 s (p - c)
 
-which autograd finds with s held fixed, since d^2 is stationary in s or s is at a bound.
+which autograd finds with s held fixed, since d^2 is stationary in s or s is at a bound. Edges of a
+thin face may coincide; there the first in the order ab, ca, bc counts as the nearest unless another
+is nearer by more than a rounding (TIE).
 
 The image is worked through in tiles, each with the faces that reach it, so memory is bounded by
 TILE^2 x FACES; the tiles are computed anew for the gradient.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import torch
 from torch import Tensor
@@ -35,6 +37,7 @@ from torch.utils.checkpoint import checkpoint
 
 CUTOFF = math.log(1e4 - 1)
 THIN = 2e-3
+TIE = 1 - 2**-15
 TILE = 32  # pixels
 FACES = 2048
 
@@ -49,38 +52,42 @@ def soft_silhouettes(points: Tensor, faces: Tensor, size: tuple[int, int], sigma
 def _render_view(triangles: Tensor, size: tuple[int, int], sigma: float) -> Tensor:
     """Alpha [height, width] of triangles [faces, 3, 2] in half-image units."""
     triangles = triangles[triangles.isfinite().all(dim=(1, 2))]
+    radius = math.sqrt(CUTOFF * sigma)
+
+    def render_tile(pixels: Tensor) -> Tensor:
+        log_transmittance = pixels.new_zeros(pixels.shape[:2])
+        near = triangles[reach(triangles.detach(), pixels, radius)]
+        for chunk in near.split(FACES) if len(near) else ():
+            log_transmittance = log_transmittance - checkpoint(
+                _absorb, pixels, chunk, sigma, use_reentrant=False
+            )
+        return -torch.expm1(log_transmittance)
+
+    return render_tiles(render_tile, size, triangles)
+
+
+def render_tiles(render: Callable[[Tensor], Tensor], size: tuple[int, int], like: Tensor) -> Tensor:
+    """Put an image together from its tiles.
+
+    Args:
+        render: from the pixel centres [rows, columns, 2] of a tile, in half-image units, to
+            [..., rows, columns]
+        size: height and width
+        like: gives dtype and device of the pixels
+    Returns:
+        [..., height, width]
+    """
     height, width = size
-    rows = []
-    for y in range(0, height, TILE):
-        tiles = []
-        for x in range(0, width, TILE):
-            pixels = _make_pixels(x, y, size, triangles)  # [rows, columns, 2]
-            tiles.append(_render_tile(pixels, triangles, sigma))
-        rows.append(torch.cat(tiles, dim=1))
-    return torch.cat(rows)
+    ys = (torch.arange(height, dtype=like.dtype, device=like.device) + 0.5) / (max(size) / 2)
+    xs = (torch.arange(width, dtype=like.dtype, device=like.device) + 0.5) / (max(size) / 2)
+    bands = []
+    for y in ys.split(TILE):
+        grids = (torch.meshgrid(x, y, indexing="xy") for x in xs.split(TILE))
+        bands.append(torch.cat([render(torch.stack(grid, dim=-1)) for grid in grids], dim=-1))
+    return torch.cat(bands, dim=-2)
 
 
-def _make_pixels(x: int, y: int, size: tuple[int, int], like: Tensor) -> Tensor:
-    """Pixel centres of the tile at (x, y) in half-image units: [rows, columns, 2]."""
-    height, width = size
-    ys = torch.arange(y, min(y + TILE, height), dtype=like.dtype, device=like.device) + 0.5
-    xs = torch.arange(x, min(x + TILE, width), dtype=like.dtype, device=like.device) + 0.5
-    grid = torch.meshgrid(ys, xs, indexing="ij")
-    return torch.stack(grid[::-1], dim=-1) / (max(size) / 2)
-
-
-def _render_tile(pixels: Tensor, triangles: Tensor, sigma: float) -> Tensor:
-    """Alpha [rows, columns] of a tile."""
-    log_transmittance = pixels.new_zeros(pixels.shape[:2])
-    near = triangles[_reach(triangles.detach(), pixels, math.sqrt(CUTOFF * sigma))]
-    for chunk in near.split(FACES) if len(near) else ():
-        log_transmittance = log_transmittance - checkpoint(
-            _absorb, pixels, chunk, sigma, use_reentrant=False
-        )
-    return -torch.expm1(log_transmittance)
-
-
-def _reach(triangles: Tensor, pixels: Tensor, radius: float) -> Tensor:
+def reach(triangles: Tensor, pixels: Tensor, radius: float) -> Tensor:
     """Which triangles may come within a radius of a tile: bool [faces]."""
     margin = radius * 1.001
     low, high = triangles.amin(dim=1) - margin, triangles.amax(dim=1) + margin  # [faces, 2]
@@ -111,18 +118,22 @@ def measure(pixels: Tensor, triangles: Tensor, sigma: float) -> tuple[Tensor, Te
         s = (ap * edge).sum(dim=-1) / torch.where(length2 > 0, length2, 1)
         cp = ap - s.detach().clamp(0, 1).unsqueeze(-1) * edge
         distances.append((cp * cp).sum(dim=-1))
-        sides.append(_cross(edge, ap).detach())
-    distance2 = torch.minimum(torch.minimum(*distances[:2]), distances[2])
+        sides.append(cross(edge, ap).detach())
+    thick = is_thick(triangles.detach(), sigma)
+    tie = torch.where(thick, 1.0, TIE).to(triangles)
+    ab, bc, ca = distances
+    others = torch.where(bc < ca * tie, bc, ca)
+    distance2 = torch.where(others < ab * tie, others, ab)
     left = (sides[0] > 0) & (sides[1] > 0) & (sides[2] > 0)
     right = (sides[0] < 0) & (sides[1] < 0) & (sides[2] < 0)
-    return distance2, (left | right) & _is_thick(triangles.detach(), sigma)
+    return distance2, (left | right) & thick
 
 
-def _is_thick(triangles: Tensor, sigma: float) -> Tensor:
+def is_thick(triangles: Tensor, sigma: float) -> Tensor:
     """Whether the smallest height, twice the area over the longest edge, is not thin: [faces]."""
     (_, ab), (_, bc), (_, ca) = _edges(triangles)
     longest = torch.stack([ab, bc, ca]).norm(dim=-1).amax(dim=0)
-    return _cross(ab, bc).abs() > THIN * math.sqrt(sigma) * longest
+    return cross(ab, bc).abs() > THIN * math.sqrt(sigma) * longest
 
 
 def _edges(triangles: Tensor) -> Iterator[tuple[Tensor, Tensor]]:
@@ -132,5 +143,6 @@ def _edges(triangles: Tensor) -> Iterator[tuple[Tensor, Tensor]]:
         yield a, triangles[:, (k + 1) % 3] - a
 
 
-def _cross(a: Tensor, b: Tensor) -> Tensor:
+def cross(a: Tensor, b: Tensor) -> Tensor:
+    """The z of the cross product of plane vectors [..., 2]."""
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]

@@ -1,0 +1,166 @@
+"""Time the CPU rasteriser; print JSON.
+
+    python benchmarks/rasteriser.py [--quick] > rasteriser.json
+
+A sphere of radius 0.5 (the hull of a Fibonacci lattice) is seen from a distance of 2.732 with a
+half-angle of 15 degrees, so it fills about 70 % of the frame's width, turned a little for each
+view. One size is varied at a time around 2,700 faces, 256 x 256 pixels and 8 views. Times are in
+milliseconds a view: median and quartiles of the repeats; ``both`` is forward and backward together.
+``cpu`` is the processor time of both, summed over threads, which a busy machine disturbs less.
+``growth`` holds the exponents p of time ~ size^p, fitted in logarithms.
+"""
+
+import argparse
+import json
+import math
+import os
+import platform
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numba
+import numpy as np
+import torch
+from scipy.spatial import ConvexHull
+
+from silmesh.softras import soft_silhouettes
+
+BASE = {"faces": 2700, "pixels": 256, "views": 8}
+SWEEPS = {
+    "faces": [1280, 2700, 3840, 20000],
+    "pixels": [64, 128, 256, 512],
+    "views": [1, 8, 72],
+}
+QUICK = {"faces": [1280, 2700], "pixels": [128, 256], "views": [1, 8]}
+
+
+def make_sphere(faces: int) -> tuple[np.ndarray, torch.Tensor]:
+    """Vertices [faces / 2 + 2, 3] and triangles of a sphere, counted by Euler's formula."""
+    count = faces // 2 + 2
+    i = np.arange(count) + 0.5
+    polar, turn = np.arccos(1 - 2 * i / count), math.pi * (1 + math.sqrt(5)) * i
+    verts = np.stack(
+        [np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)], axis=1
+    )
+    return 0.5 * verts, torch.tensor(ConvexHull(verts).simplices, dtype=torch.int64)
+
+
+def project(verts: np.ndarray, views: int, pixels: int) -> torch.Tensor:
+    """Points [views, verts, 2] of the sphere turned about the vertical axis."""
+    focal = pixels / 2 / math.tan(math.radians(15))
+    points = []
+    for angle in np.arange(views) * math.radians(5):
+        c, s = math.cos(angle), math.sin(angle)
+        x, y, z = (verts @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])).T
+        points.append(np.stack([x, y], axis=1) * focal / (z + 2.732)[:, None] + pixels / 2)
+    return torch.tensor(np.stack(points), dtype=torch.float32)
+
+
+def measure(faces: int, pixels: int, views: int, repeats: int) -> dict:
+    """Times in milliseconds a view of one scene."""
+    verts, triangles = make_sphere(faces)
+    points = project(verts, views, pixels).requires_grad_()
+    upstream = torch.rand(views, pixels, pixels, generator=torch.Generator().manual_seed(0))
+    times = []
+    for _ in range(repeats + 2):  # the first two warm up
+        points.grad = None
+        start, worked = time.perf_counter(), time.process_time()
+        alpha = soft_silhouettes(points, triangles, (pixels, pixels), sigma=1e-4)
+        middle = time.perf_counter()
+        alpha.backward(upstream)
+        end = time.perf_counter()
+        worked = time.process_time() - worked
+        times.append((middle - start, end - middle, end - start, worked))
+    quartiles = np.percentile(np.array(times[2:]) * 1e3 / views, [25, 50, 75], axis=0).T
+    names = ("forward", "backward", "both", "cpu")
+    return {
+        "faces": len(triangles),
+        "pixels": pixels,
+        "views": views,
+        "repeats": repeats,
+        **{
+            name: {"median": round(q[1], 3), "quartiles": [round(q[0], 3), round(q[2], 3)]}
+            for name, q in zip(names, quartiles, strict=True)
+        },
+    }
+
+
+def fit_growth(name: str, rows: list[dict]) -> dict:
+    """Exponents of the time of a whole call with one size."""
+    sizes = np.array([row[name] ** 2 if name == "pixels" else row[name] for row in rows])
+    exponents = {}
+    for part in ("forward", "backward", "both", "cpu"):
+        whole = [row[part]["median"] * row["views"] for row in rows]
+        exponents[part] = round(float(np.polyfit(np.log(sizes), np.log(whole), 1)[0]), 2)
+    return exponents
+
+
+def measure_peak_memory() -> dict:
+    """How far 72 views of 256 x 256 and 2,700 faces raise the peak of a fresh process, in MiB."""
+    code = (
+        "import benchmarks.rasteriser as b, resource;"
+        "b.measure(2700, 64, 8, 1);"
+        "before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss;"
+        "b.measure(2700, 256, 72, 1);"
+        "print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024)"
+    )
+    root = Path(__file__).parents[1]
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=root, check=True, capture_output=True, text=True
+    )
+    image = 72 * 256 * 256 * 4 / 2**20
+    return {"raised_mib": round(float(done.stdout), 1), "alpha_itself_mib": round(image, 1)}
+
+
+def describe_machine() -> dict:
+    """What the times hang on."""
+    cpu = platform.processor() or platform.machine()
+    info = Path("/proc/cpuinfo")
+    if info.exists():
+        models = [line for line in info.read_text().splitlines() if line.startswith("model name")]
+        cpu = models[0].partition(":")[2].strip() if models else cpu
+    commit = subprocess.run(
+        ["git", "describe", "--always", "--dirty"],
+        cwd=Path(__file__).parent,
+        capture_output=True,
+        text=True,
+        check=False,
+    ).stdout.strip()
+    return {
+        "cpu": cpu,
+        "cores": os.cpu_count(),
+        "threads": torch.get_num_threads(),
+        "commit": commit,
+        "python": platform.python_version(),
+        "torch": torch.__version__,
+        "numba": numba.__version__,
+        "numpy": np.__version__,
+    }
+
+
+def main() -> None:
+    """Run the sweeps."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--quick", action="store_true", help="fewer sizes and repeats")
+    quick = parser.parse_args().quick
+    start = time.perf_counter()
+    measure(20, 16, 1, 1)
+    report = {"machine": describe_machine(), "first_call_seconds": time.perf_counter() - start}
+    report["sweeps"], report["growth"] = {}, {}
+    for name, sizes in (QUICK if quick else SWEEPS).items():
+        rows = [
+            measure(**{**BASE, name: size}, repeats=7 if quick else 25 if size != 72 else 9)
+            for size in sizes
+        ]
+        report["sweeps"][name] = rows
+        report["growth"]["pixels (their number)" if name == "pixels" else name] = fit_growth(
+            name, rows
+        )
+    report["memory"] = measure_peak_memory()
+    print(json.dumps(report, indent=2))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,152 @@
+"""The loss figure of an object: every variant's loss against the iteration, on linear axes.
+
+Colours are those of Okabe and Ito, told apart under every common colour blindness; beyond seven
+variants the dashes change. A variant has the same style in the figures of all objects.
+"""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+from silmesh.files import replacing
+
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#333333")
+DASHES = ("-", (0, (5, 2)), (0, (6, 2, 1.5, 2)))
+INK, FAINT = "#24292f", "#d8dbde"
+STYLE = {
+    "svg.fonttype": "none",  # text stays text
+    "svg.hashsalt": "silmesh",  # the same ids, and so the same bytes, each time
+    "font.family": "sans-serif",
+    "font.size": 10,
+}
+LEFT = 0.08  # of the figure's width: where the axes begin
+LABEL = 1.105  # of the axes' width: where the labels begin
+LABEL_HEIGHT = 0.058  # of the axes: labels stand at least so far apart
+
+
+def style_of(variant: str, order: Sequence[str]) -> dict[str, Any]:
+    """How a variant's line is drawn, by its place among all variants of the run.
+
+    Args:
+        order: all variants of the configuration
+    """
+    place = list(order).index(variant)
+    return {
+        "color": COLOURS[place % len(COLOURS)],
+        "linestyle": DASHES[place // len(COLOURS) % len(DASHES)],
+    }
+
+
+def draw_losses(
+    object_: str,
+    losses: Mapping[str, pd.DataFrame],
+    order: Sequence[str],
+    published: pd.DataFrame | None = None,
+) -> Figure:
+    """Draw an object's losses, a line a variant, each labelled at its end with its last value.
+
+    Args:
+        object_: the title
+        losses: the ``loss.csv`` of each variant
+        order: all variants of the configuration, which decide the styles
+        published: curves to compare with, drawn dotted: columns object, variant, iteration, loss
+    """
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(8.4, 3.9))
+        FigureCanvasAgg(figure)
+        axes = figure.add_axes((LEFT, 0.13, 1 - LEFT, 0.77))
+        ends = {}
+        for variant, loss in losses.items():
+            style = style_of(variant, order)
+            axes.plot(loss["iteration"], loss["loss"], linewidth=1.6, **style)
+            ends[f"{variant}  {loss['loss'].iloc[-1]:.4f}"] = (loss.iloc[-1], style)
+        if published is not None:
+            _draw_published(axes, published[published["object"] == object_], losses, order)
+        _name_axes(axes, object_)
+        _label_ends(axes, ends)
+    return figure
+
+
+def _draw_published(
+    axes: Axes, published: pd.DataFrame, losses: Mapping[str, pd.DataFrame], order: Sequence[str]
+) -> None:
+    for variant, curve in published.groupby("variant", sort=False):
+        if variant in losses:
+            colour = style_of(str(variant), order)["color"]
+            axes.plot(curve["iteration"], curve["loss"], color=colour, linestyle=":", linewidth=1.3)
+    if published["variant"].isin(list(losses)).any():
+        axes.set_title("dotted: published", loc="right", fontsize=9, color=INK)
+
+
+def _name_axes(axes: Axes, object_: str) -> None:
+    axes.set_title(object_, loc="left", fontweight="bold", color=INK, parse_math=False)
+    axes.set_xlabel("iteration", color=INK)
+    axes.set_ylabel("loss (IoU loss and weighted smoothness)", color=INK)
+    axes.set_ylim(0, 1.05 * axes.dataLim.y1)
+    axes.set_xlim(0, max(axes.dataLim.x1, 1))
+    axes.xaxis.get_major_locator().set_params(integer=True)
+    axes.grid(axis="y", color=FAINT, linewidth=0.7)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.tick_params(colors=INK)
+
+
+def _label_ends(axes: Axes, ends: Mapping[str, tuple[pd.Series, dict[str, Any]]]) -> None:
+    """Mark where each line ends, and name it at that height to the right of the axes."""
+    wanted = [axes.transLimits.transform((0, end["loss"]))[1] for end, _ in ends.values()]
+    beside = {"transform": axes.transAxes, "clip_on": False}
+    labels = []
+    for (label, (end, style)), height in zip(
+        ends.items(), spread(wanted, LABEL_HEIGHT), strict=True
+    ):
+        axes.plot(end["iteration"], end["loss"], "o", color=style["color"], ms=4, clip_on=False)
+        axes.plot((1.03, 1.09), (height, height), linewidth=1.6, **style, **beside)
+        labels.append(
+            axes.text(LABEL, height, label, va="center", color=INK, parse_math=False, **beside)
+        )
+    _make_room(axes, labels)
+
+
+def _make_room(axes: Axes, labels: Sequence[Text]) -> None:
+    """Narrow the axes until the longest label ends at the figure's edge."""
+    figure = axes.figure
+    longest = max(label.get_window_extent().width for label in labels) / figure.bbox.width
+    box = axes.get_position()
+    width = max((1 - LEFT - 0.02 - longest) / LABEL, 0.3)
+    axes.set_position((LEFT, box.y0, width, box.height))
+
+
+def spread(wanted: Sequence[float], apart: float) -> np.ndarray:
+    """Heights near the wanted ones, in the same order, at least ``apart`` from one another.
+
+    They move as little as least squares allows: labels that touch form a group about its mean.
+    They stay between 0 and 1, unless there are too many for that.
+    """
+    order = np.argsort(wanted, kind="stable")
+    groups: list[tuple[float, int]] = []  # mean of wanted height less place in the group, count
+    for i, k in enumerate(order):
+        mean, count = wanted[k] - i * apart, 1
+        while groups and groups[-1][0] >= mean:
+            before, n = groups.pop()
+            mean, count = (before * n + mean * count) / (n + count), n + count
+        groups.append((mean, count))
+    shifted = np.concatenate([np.full(count, mean) for mean, count in groups])
+    shifted = np.maximum(np.minimum(shifted, 1 - (len(shifted) - 1) * apart), 0)
+    heights = np.empty(len(shifted))
+    heights[order] = shifted + apart * np.arange(len(shifted))
+    return heights
+
+
+def write_figure(path: Path, figure: Figure) -> None:
+    """Write a figure as its ending names, the same bytes each time."""
+    date = {"Date": None} if path.suffix == ".svg" else {}
+    with replacing(path) as part, mpl.rc_context(STYLE):
+        figure.savefig(part, dpi=160, metadata=date)

@@ -1,0 +1,281 @@
+"""A fitted mesh beside its photographs: outlines over the photograph, shaded, and from above.
+
+Two views are shown, the first and the one nearest to a quarter turn from it. What each pixel sees
+is found by a ray through it, so the mesh is drawn exactly as the camera says. All is drawn twice
+as large as it is shown and shrunk, which smooths the edges.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+import trimesh
+from PIL import Image, ImageDraw, ImageFont
+from skimage.measure import find_contours
+
+from silmesh.cameras.camera import Cameras
+
+CELL = 264  # side of one picture, in pixels
+FINE = 2  # drawn so many times larger than shown
+GAP, HEADER, SIDE = 8, 30, 26
+MARGIN = 0.14  # of the silhouette's longer side, around it
+RAISE, TURN = 35.0, 25.0  # degrees, of the view from above
+GROUND, INK = (244, 243, 240), (36, 41, 47)
+SILHOUETTE, MESH = (86, 180, 233), (230, 110, 0)  # told apart under colour blindness
+OUTSIDE, INSIDE = np.array([0.84, 0.82, 0.78]), np.array([0.72, 0.36, 0.33])
+# Directions towards the lights, in the camera's x right, y down, z forward, and their strengths.
+LIGHTS = (((-0.45, -0.9, -0.6), 0.95), ((0.8, 0.1, -0.6), 0.35))
+AMBIENT = 0.12
+
+
+@dataclass(frozen=True)
+class Camera:
+    """One pinhole camera: as ``Cameras``, of one view.
+
+    Attributes:
+        K: [3, 3] in pixels of an image of ``size`` x ``size``
+        R: [3, 3], t: [3], world to camera
+    """
+
+    K: np.ndarray
+    R: np.ndarray
+    t: np.ndarray
+    size: int
+
+    def cropped(self, left: float, top: float, side: float, size: int) -> "Camera":
+        """The same camera for a square of its image, scaled to ``size``."""
+        scale = size / side
+        crop = np.array([[scale, 0, -scale * left], [0, scale, -scale * top], [0, 0, 1]])
+        return replace(self, K=crop @ self.K, size=size)
+
+    def rays(self) -> tuple[np.ndarray, np.ndarray]:
+        """Where the camera stands [3], and the way to each pixel's centre [size, size, 3]."""
+        along = np.arange(self.size) + 0.5
+        pixels = np.stack([*np.meshgrid(along, along), np.ones((self.size, self.size))], axis=-1)
+        return -self.R.T @ self.t, pixels @ np.linalg.inv(self.K).T @ self.R
+
+
+@dataclass(frozen=True)
+class Hits:
+    """What the pixels see of a mesh.
+
+    Attributes:
+        mask: [size, size] bool, whether a pixel sees it
+        faces: [hits] the face that each of these pixels sees
+        weights: [hits, 3] where on the face: the shares of its corners
+    """
+
+    mask: np.ndarray
+    faces: np.ndarray
+    weights: np.ndarray
+
+
+def camera_of(cameras: Cameras, i: int) -> Camera:
+    """The camera of one view."""
+    K, R, t = (part[i].double().numpy() for part in (cameras.K, cameras.R, cameras.t))
+    return Camera(K, R, t, int(cameras.sizes[i].max()))
+
+
+def quarter_turn(cameras: Cameras) -> int:
+    """The view whose axis is nearest to a right angle with the first view's."""
+    axes = cameras.R[:, 2]
+    return int((axes @ axes[0]).abs().argmin())
+
+
+def trace(mesh: trimesh.Trimesh, camera: Camera) -> Hits:
+    """Find the face that each pixel's ray meets first, and where."""
+    origin, rays = camera.rays()
+    rays = rays.reshape(-1, 3)
+    faces = mesh.ray.intersects_first(np.broadcast_to(origin, rays.shape), rays)
+    hit = faces >= 0
+    corners = mesh.triangles[faces[hit]] - origin  # [hits, 3, 3]
+    # A ray d meets the face at a mean of its corners a, b, c weighted by d.(b x c), ...
+    across = np.cross(np.roll(corners, -1, axis=1), np.roll(corners, -2, axis=1))
+    weights = np.einsum("nij,nj->ni", across, rays[hit])
+    weights /= weights.sum(axis=1, keepdims=True)
+    return Hits(hit.reshape(camera.size, camera.size), faces[hit], weights)
+
+
+def shade(mesh: trimesh.Trimesh, camera: Camera, hits: Hits, smooth: bool) -> np.ndarray:
+    """Light a mesh from beside the camera: [size, size, 3] in [0, 1] on the ground's colour.
+
+    Faces that turn their inside to the camera are red.
+    """
+    normals = mesh.face_normals[hits.faces]
+    _, rays = camera.rays()
+    inside = (normals * rays[hits.mask]).sum(axis=1) > 0
+    if smooth:
+        at_corners = mesh.vertex_normals[mesh.faces[hits.faces]]  # [hits, 3, 3]
+        normals = np.einsum("ni,nij->nj", hits.weights, at_corners)
+    seen = normals @ camera.R.T * np.where(inside, -1, 1)[:, None]
+    seen /= np.maximum(np.linalg.norm(seen, axis=1, keepdims=True), 1e-12)
+    light = np.full(len(seen), AMBIENT)
+    for towards, strength in LIGHTS:
+        light += strength * np.maximum(seen @ (np.array(towards) / np.linalg.norm(towards)), 0)
+    image = np.broadcast_to(np.array(GROUND) / 255, (*hits.mask.shape, 3)).copy()
+    image[hits.mask] = np.where(inside[:, None], INSIDE, OUTSIDE) * np.sqrt(light)[:, None]
+    return image.clip(0, 1)
+
+
+def draw_edges(
+    image: np.ndarray, mesh: trimesh.Trimesh, camera: Camera, hits: Hits, width: float
+) -> None:
+    """Darken the pixels of ``image`` that lie within half of ``width`` of an edge they see."""
+    seen = mesh.vertices @ camera.R.T + camera.t
+    points = (seen @ camera.K.T)[:, :2] / seen[:, 2:]
+    corners = points[mesh.faces[hits.faces]]  # [hits, 3, 2]
+    pixels = np.argwhere(hits.mask)[:, None, ::-1] + 0.5
+    edges = np.roll(corners, -1, axis=1) - corners
+    off = pixels - corners
+    across = np.abs(edges[..., 0] * off[..., 1] - edges[..., 1] * off[..., 0])
+    distance = (across / np.maximum(np.linalg.norm(edges, axis=2), 1e-9)).min(axis=1)
+    cover = 0.32 * np.clip(width / 2 + 0.5 - distance, 0, 1)[:, None]
+    image[hits.mask] = image[hits.mask] * (1 - cover) + np.array(INK) / 255 * cover
+
+
+def raised(camera: Camera, mesh: trimesh.Trimesh) -> Camera:
+    """The camera raised and turned about the mesh's middle, the mesh filling its image."""
+    middle = mesh.bounds.mean(axis=0)
+    turn = trimesh.transformations.rotation_matrix
+    tilt = turn(np.radians(RAISE), [1, 0, 0]) @ turn(np.radians(TURN), [0, 1, 0])
+    R = tilt[:3, :3] @ camera.R
+    t = camera.R @ middle + camera.t - R @ middle
+    seen = mesh.vertices @ R.T + t
+    points = (seen @ camera.K.T)[:, :2] / seen[:, 2:]
+    low, high = points.min(axis=0), points.max(axis=0)
+    side = (1 + MARGIN) * (high - low).max()
+    left, top = (low + high - side) / 2
+    return replace(camera, R=R, t=t).cropped(left, top, side, camera.size)
+
+
+def frame(silhouette: np.ndarray) -> tuple[float, float, float]:
+    """Left, top and side of the square about a silhouette, with a margin, within its image."""
+    rows, columns = np.nonzero(silhouette)
+    low = np.array([columns.min(), rows.min()])
+    high = np.array([columns.max(), rows.max()]) + 1
+    size = min(silhouette.shape)
+    side = min((1 + 2 * MARGIN) * float((high - low).max()), size)
+    left, top = np.clip((low + high - side) / 2, 0, size - side)
+    return float(left), float(top), side
+
+
+def draw_outlines(
+    image: Image.Image,
+    mask: np.ndarray,
+    scale: float,
+    shift: Sequence[float],
+    colour: tuple[int, int, int],
+) -> None:
+    """Draw the outline of a mask over an image, light enough to see on dark and on light.
+
+    Args:
+        mask: [height, width] bool
+        scale, shift: a point (u, v) of the mask, pixel centres at integer + 0.5, is drawn at
+            scale ((u, v) - shift)
+    """
+    draw = ImageDraw.Draw(image)
+    outlines = find_contours(np.pad(mask, 1).astype(float), 0.5)
+    lines = [[tuple(p) for p in ((c[:, ::-1] - 0.5) - shift) * scale] for c in outlines]
+    for width, ink in ((3 * FINE, INK), (2 * FINE, colour)):
+        for line in lines:
+            draw.line(line, fill=ink, width=width, joint="curve")
+
+
+def draw_picture(
+    mesh: trimesh.Trimesh, cameras: Cameras, photographs: Sequence[Path], silhouettes: np.ndarray
+) -> Image.Image:
+    """Draw a fitted mesh beside two of its photographs.
+
+    Args:
+        mesh: in the cameras' world
+        cameras: of the views to show
+        photographs: their working images
+        silhouettes: [views, height, width] bool, theirs
+    """
+    rows = len(cameras)
+    width = SIDE + 4 * CELL + 5 * GAP
+    sheet = Image.new("RGB", (width, HEADER + rows * (CELL + GAP)), GROUND)
+    _write_header(sheet)
+    for i, photograph in enumerate(photographs):
+        cells = draw_view(mesh, camera_of(cameras, i), photograph, silhouettes[i])
+        y = HEADER + i * (CELL + GAP)
+        _write_side(sheet, cameras.views[i], y)
+        for j, cell in enumerate(cells):
+            sheet.paste(cell, (SIDE + GAP + j * (CELL + GAP), y))
+    return sheet
+
+
+def draw_view(
+    mesh: trimesh.Trimesh, camera: Camera, photograph: Path, silhouette: np.ndarray
+) -> list[Image.Image]:
+    """The four pictures of one view: photograph, outlines, shaded, and from above with edges."""
+    left, top, side = frame(silhouette)
+    near = camera.cropped(left, top, side, FINE * CELL)
+    photo = _read_on_ground(photograph).resize(
+        (near.size, near.size), Image.Resampling.BICUBIC, box=(left, top, left + side, top + side)
+    )
+    hits = trace(mesh, near)
+    outlined = photo.copy()
+    draw_outlines(outlined, silhouette, near.size / side, (left, top), SILHOUETTE)
+    draw_outlines(outlined, hits.mask, 1, (0, 0), MESH)
+    shaded = shade(mesh, near, hits, smooth=True)
+    above = raised(near, mesh)
+    hits = trace(mesh, above)
+    edged = shade(mesh, above, hits, smooth=False)
+    draw_edges(edged, mesh, above, hits, width=0.5 * FINE)
+    return [_shrink(cell) for cell in (photo, outlined, _to_image(shaded), _to_image(edged))]
+
+
+def _read_on_ground(path: Path) -> Image.Image:
+    with Image.open(path) as image:
+        image = image.convert("RGBA")
+    return Image.alpha_composite(Image.new("RGBA", image.size, GROUND), image).convert("RGB")
+
+
+def _to_image(image: np.ndarray) -> Image.Image:
+    return Image.fromarray((255 * image).round().astype(np.uint8))
+
+
+def _shrink(image: Image.Image) -> Image.Image:
+    return image.resize((CELL, CELL), Image.Resampling.BOX)
+
+
+def _font(size: int) -> ImageFont.FreeTypeFont:
+    """The face that matplotlib brings along: it has most of the world's letters."""
+    return ImageFont.truetype(Path(mpl.get_data_path()) / "fonts/ttf/DejaVuSans.ttf", size)
+
+
+def _write_header(sheet: Image.Image) -> None:
+    draw = ImageDraw.Draw(sheet)
+    titles = ("photograph", "outlines:", "fitted mesh", "from above, with edges")
+    for j, title in enumerate(titles):
+        x = SIDE + GAP + j * (CELL + GAP)
+        draw.text((x, HEADER / 2), title, fill=INK, font=_font(13), anchor="lm")
+    x = SIDE + GAP + CELL + GAP + 74
+    for name, colour in (("silhouette", SILHOUETTE), ("mesh", MESH)):
+        draw.line(((x, HEADER / 2), (x + 18, HEADER / 2)), fill=INK, width=5)
+        draw.line(((x + 1, HEADER / 2), (x + 17, HEADER / 2)), fill=colour, width=3)
+        draw.text((x + 24, HEADER / 2), name, fill=INK, font=_font(13), anchor="lm")
+        x += 24 + draw.textlength(name, _font(13)) + 14
+
+
+def _write_side(sheet: Image.Image, name: str, y: int) -> None:
+    """Write a view's name upwards at the left of its row, its middle left out if it is long."""
+    font = _font(12)
+    strip = Image.new("RGB", (CELL, SIDE), GROUND)
+    draw = ImageDraw.Draw(strip)
+    kept = len(name)
+    shown = name
+    while draw.textlength(shown, font) > CELL:
+        kept -= 1
+        shown = name[: kept // 2] + "…" + name[len(name) - (kept + 1) // 2 :]
+    draw.text((CELL / 2, SIDE / 2), shown, fill=INK, font=font, anchor="mm")
+    sheet.paste(strip.rotate(90, expand=True), (GAP // 2, y))
+
+
+def crop_thumbnail(picture: Image.Image) -> Image.Image:
+    """The first view's shaded mesh out of a picture."""
+    left = SIDE + GAP + 2 * (CELL + GAP)
+    return picture.crop((left, HEADER, left + CELL, HEADER + CELL))

@@ -1,0 +1,172 @@
+"""The page: well-formed, self-contained, with every number, and nothing unescaped."""
+
+import re
+from html.parser import HTMLParser
+
+import pytest
+from PIL import Image
+
+from silmesh.report.page import LACKING, METRICS, run_settings, show, write_page
+
+VOID = {"meta", "link", "img", "br", "hr", "input"}
+SETTINGS = {
+    "configuration": {
+        "datasets": "<b>&.tsv",
+        "views": {"size": 256, "resize": "pad"},
+        "variants": {
+            "plain": {"silhouettes": None, "cameras": None, "fit": {"sigma": 1e-4, "holdout": 0}},
+            "fine-2": {"silhouettes": "alpha", "views": {"size": 128, "resize": None}},
+        },
+    },
+    "objects": {"pot": {"silhouettes": "mask", "cameras": "turntable"}, "cup": {}},
+}
+METRICS_OF = {
+    ("pot", "plain"): {
+        "iou_mean": 0.98765,
+        "iou_min": 0.9111,
+        "iou_holdout": None,
+        "hull_iou_mean": 0.899,
+        "loss_final": 0.01234567,
+        "iterations": 2000,
+        "fit_seconds": 1234.5,
+        "silhouettes": "pot/stages/silhouettes/256-pad-mask",
+        "iou": {"r0": 0.98765},
+    },
+    ("pot", "fine-2"): {"iou_mean": 0.5432, "hull_iou_mean": 0.9},
+    ("cup", "plain"): {"iou_mean": 0.7654, "hull_iou_mean": 0.95, "chamfer": 0.0123},
+}
+
+
+class Reader(HTMLParser):
+    """Keeps the open tags, to see that each is closed in turn, and every attribute."""
+
+    def __init__(self, page):
+        super().__init__()
+        self.open, self.tags = [], []
+        self.feed(page)
+        self.close()
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def attributes(self, name):
+        return [attrs[name] for _, attrs in self.tags if name in attrs]
+
+
+@pytest.fixture
+def files(tmp_path):
+    figures, pictures = {}, {}
+    for object_ in ("pot", "cup"):
+        figures[object_] = tmp_path / f"{object_}.svg"
+        figures[object_].write_text('<svg xmlns="http://www.w3.org/2000/svg"/>')
+    for run in METRICS_OF:
+        pictures[run] = tmp_path / f"{'_'.join(run)}.png"
+        Image.new("RGB", (1122, 574)).save(pictures[run])
+    return figures, pictures
+
+
+@pytest.fixture
+def page(files):
+    return write_page(METRICS_OF, *files, SETTINGS)
+
+
+def test_every_tag_is_closed_and_every_link_leads_somewhere(page):
+    reader = Reader(page)
+    assert page.startswith("<!doctype html>")
+    assert reader.open == []
+    ids = reader.attributes("id")
+    assert len(ids) == len(set(ids))
+    targets = [h[1:] for h in reader.attributes("href") if h.startswith("#")]
+    assert {"object-pot", "object-cup"} <= set(targets) <= set(ids)
+    assert set(reader.attributes("aria-labelledby")) <= set(ids)
+
+
+def test_nothing_is_fetched(page):
+    reader = Reader(page)
+    links = reader.attributes("src") + reader.attributes("href")
+    assert all(link.startswith(("data:", "#")) for link in links)
+    assert not re.search(r"url\(|@import|<script|https?:", page)
+
+
+def test_every_image_says_what_it_shows(page):
+    images = [attrs for tag, attrs in Reader(page).tags if tag == "img"]
+    assert len(images) == 2 + 2 * 3  # a figure an object; a thumbnail and a picture a run
+    assert all(len(attrs["alt"]) > 10 for attrs in images)
+
+
+def test_shows_the_numbers_and_a_dash_for_what_lacks(page):
+    rows = re.findall(r'<tr role="row">(.*?)</tr>', page, re.DOTALL)[1:]
+    cells = [dict(re.findall(r'data-label="(.*?)">(.*?)</td>', row)) for row in rows]
+    assert cells[0] == {
+        "IoU, mean": "0.988",
+        "IoU, least": "0.911",
+        "Hull IoU": "0.899",
+        "Final loss": "0.0123",
+        "Iterations": "2,000",
+        "Seconds": "1,234",
+        "Chamfer distance": LACKING,
+    }
+    assert cells[1]["IoU, mean"] == "0.543"
+    assert cells[1]["Iterations"] == LACKING == "–"
+    assert cells[2]["Chamfer distance"] == "0.0123"
+    for metric in ("IoU, mean", "Chamfer distance", "IoU, held out"):
+        assert f"<dt>{metric}</dt>" in page
+    assert "<dt>F-score</dt>" not in page
+
+
+def test_low_coherence_is_said_in_words_where_it_is_low(page):
+    rows = re.findall(r'<tr role="row">(.*?)</tr>', page, re.DOTALL)[1:]
+    assert ["contradict each other" in row for row in rows] == [True, False, False]
+
+
+def test_names_and_values_are_escaped(files):
+    figures, pictures = files
+    figures = {"<i>x": figures["pot"]}
+    run = ("<i>x", '"plain"&')
+    settings = {
+        "configuration": {**SETTINGS["configuration"], "variants": {run[1]: {"a": "</td><u>"}}},
+        "objects": {"<i>x": {}},
+    }
+    metrics = {run: {"iou_mean": 0.5}}
+    page = write_page(metrics, figures, {run: pictures["pot", "plain"]}, settings)
+    assert not {"i", "u", "b"} & {tag for tag, _ in Reader(page).tags}
+    assert "&lt;i&gt;x" in page
+    assert "&#34;plain&#34;&amp;" in page
+    assert Reader(page).open == []
+
+
+def test_the_same_page_each_time(page, files):
+    assert page == write_page(METRICS_OF, *files, SETTINGS)
+
+
+def test_settings_are_the_objects_row_under_what_the_variant_says():
+    assert run_settings("pot", "plain", SETTINGS) == {
+        "views.size": 256,
+        "views.resize": "pad",
+        "silhouettes": "mask",
+        "cameras": "turntable",
+        "fit.sigma": 1e-4,
+        "fit.holdout": 0,
+    }
+    told = run_settings("pot", "fine-2", SETTINGS)
+    assert told["silhouettes"] == "alpha"
+    assert (told["views.size"], told["views.resize"]) == (128, "pad")
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "text"),
+    [
+        ("iou_mean", 1, "1.000"),
+        ("iou_mean", float("nan"), LACKING),
+        ("iou_mean", None, LACKING),
+        ("iterations", 12345.0, "12,345"),
+        ("loss_final", 0.12345, "0.1235"),
+    ],
+)
+def test_numbers_are_shown_to_the_digits_that_matter(key, value, text):
+    assert show(value, next(metric for metric in METRICS if metric.key == key)) == text

@@ -1,0 +1,202 @@
+"""The CPU kernel against the plain renderer in float64, and against itself on other threads."""
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial import ConvexHull
+
+from silmesh.softras import cpu, reference, soft_silhouettes
+from silmesh.softras.reference import CUTOFF
+
+
+def make_sphere(count, size, distance=2.732, angle=15.0):
+    """Points [1, count, 2] and faces of a sphere of radius 0.5 in the middle of the image."""
+    i = np.arange(count) + 0.5
+    polar, turn = np.arccos(1 - 2 * i / count), math.pi * (1 + math.sqrt(5)) * i
+    verts = np.stack(
+        [np.cos(turn) * np.sin(polar), np.sin(turn) * np.sin(polar), np.cos(polar)], axis=1
+    )
+    faces = torch.tensor(ConvexHull(verts).simplices, dtype=torch.int64)
+    verts = 0.5 * torch.tensor(verts, dtype=torch.float32)
+    focal = max(size) / 2 / math.tan(math.radians(angle))
+    middle = torch.tensor([size[1] / 2, size[0] / 2])
+    return (focal * verts[:, :2] / (verts[:, 2:] + distance) + middle)[None], faces
+
+
+def make_soup(size, huge, seed=0):
+    """Huge, middling, tiny, off-screen and collapsed faces, and some that are not finite."""
+    generator = torch.Generator().manual_seed(seed)
+    centres = torch.rand(2, 120, 1, 2, generator=generator) * max(size) * 1.4 - max(size) * 0.2
+    extents = 10 ** (torch.rand(1, 120, 1, 1, generator=generator) * 3.5 - 2)  # 0.01 to 30 pixels
+    shapes = torch.rand(2, 120, 3, 2, generator=generator) - 0.5
+    extents[:, 25:29] = 3.0 * max(
+        size
+    )  # with a corner near the image, so that they do not cover it
+    shapes[:, 25:29] -= shapes[:, 25:29, :1].clone()
+    corners = centres + extents * shapes
+    corners[:, 0:10, 2] = corners[:, 0:10, 1]
+    corners[:, 10:15] = corners[:, 10:15, :1]
+    corners[:, 15:20, 2] = (corners[:, 15:20, 0] + corners[:, 15:20, 1]) / 2
+    corners[0, 20:23, 1, 0] = math.nan
+    corners[1, 22:25, 0, 1] = -math.inf
+    return corners.reshape(2, 360, 2), torch.arange(360).reshape(120, 3)
+
+
+SCENES = {
+    "sphere": lambda: (*make_sphere(200, (64, 64)), (64, 64), 1e-4),
+    "soft sphere": lambda: (*make_sphere(100, (40, 64)), (40, 64), 1e-2),
+    "soup": lambda: (*make_soup((120, 90), 1000.0), (120, 90), 1e-4),
+    "sharp soup": lambda: (*make_soup((61, 83), 80.0, seed=1), (61, 83), 1e-5),
+    "large image": lambda: (*make_soup((60, 1024), 3000.0, seed=2), (60, 1024), 1e-5),
+}
+
+
+def find_doubtful(points, faces, size, sigma):
+    """Pixels whose distance to a face lies within rounding of the cutoff: [views, h, w]."""
+    radius2 = CUTOFF * sigma
+    doubtful = []
+    for view in points.double():
+        triangles = view[faces] / (max(size) / 2)
+        triangles = triangles[triangles.isfinite().all(dim=(1, 2))]
+
+        def near_cutoff(pixels, triangles=triangles):
+            distance2, inside = reference.measure(pixels.unsqueeze(2), triangles, sigma)
+            return (((distance2 / radius2 - 1).abs() < 1e-4) & ~inside).any(dim=-1)
+
+        doubtful.append(reference.render_tiles(near_cutoff, size, triangles))
+    return torch.stack(doubtful)
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_kernel_agrees_with_reference(scene):
+    points, faces, size, sigma = SCENES[scene]()
+    clear = ~find_doubtful(points, faces, size, sigma)
+    assert clear.float().mean() > 0.9
+    upstream = torch.rand(clear.shape, generator=torch.Generator().manual_seed(1)) * clear
+    results = []
+    for dtype in (torch.float32, torch.float64):
+        p = points.to(dtype, copy=True).requires_grad_()
+        alpha = soft_silhouettes(p, faces, size, sigma)
+        alpha.backward(upstream.to(dtype))
+        results.append((alpha.detach().double() * clear, p.grad.double()))
+    (alpha, gradient), (true_alpha, true_gradient) = results
+    assert ((true_alpha > 0.01) & (true_alpha < 0.99)).float().mean() > 0.01
+    assert (alpha - true_alpha).abs().max() < 1e-5
+    error = (gradient - true_gradient).abs()
+    assert (error <= 1e-4 * true_gradient.abs() + 1e-5 * true_gradient.abs().max()).all()
+    assert error.norm() < 1e-4 * true_gradient.norm()
+
+
+def test_kernel_gradient_is_the_slope_of_its_alpha():
+    # so soft that every pixel is in reach of every face: at the cutoff alpha has a step
+    generator = torch.Generator().manual_seed(0)
+    points = torch.rand(2, 9, 2, generator=generator) * 48
+    faces = torch.arange(9).reshape(3, 3)
+    upstream = torch.rand(2, 48, 48, generator=generator)
+    step = torch.randn(points.shape, generator=generator)
+    points.requires_grad_()
+    (upstream * soft_silhouettes(points, faces, (48, 48), 1.0)).sum().backward()
+    slope = (points.grad * step).sum().item()
+
+    def loss(points):
+        return (upstream * soft_silhouettes(points, faces, (48, 48), 1.0)).double().sum()
+
+    with torch.no_grad():
+        difference = (loss(points + 0.05 * step) - loss(points - 0.05 * step)).item() / 0.1
+    assert slope == pytest.approx(difference, rel=2e-3)
+
+
+def render_both_ways(points, faces, size):
+    points = points.clone().requires_grad_()
+    alpha = soft_silhouettes(points, faces, size)
+    (alpha * torch.linspace(-1, 1, alpha.numel()).reshape(alpha.shape)).sum().backward()
+    return alpha.detach(), points.grad
+
+
+@pytest.fixture
+def few_views():
+    points, faces = make_sphere(200, (64, 64))
+    return torch.cat([points + shift for shift in (0.0, 3.3, -7.1, 20.0, 0.5)]), faces, (64, 64)
+
+
+def test_threads_change_no_bit(few_views):
+    results = []
+    for threads in (1, 2, 3, 3):
+        torch.set_num_threads(threads)
+        results.append(render_both_ways(*few_views))
+    for alpha, gradient in results[1:]:
+        assert torch.equal(alpha, results[0][0])
+        assert torch.equal(gradient, results[0][1])
+
+
+def test_concurrent_calls_change_no_bit(few_views):
+    torch.set_num_threads(2)
+    alone = render_both_ways(*few_views)
+    with ThreadPoolExecutor(4) as pool:
+        results = list(pool.map(lambda _: render_both_ways(*few_views), range(8)))
+    for alpha, gradient in results:
+        assert torch.equal(alpha, alone[0])
+        assert torch.equal(gradient, alone[1])
+
+
+def test_strides_do_not_matter(few_views):
+    points, faces, size = few_views
+    alpha, gradient = render_both_ways(points, faces, size)
+    strided = points.mT.contiguous().mT.requires_grad_()
+    other = soft_silhouettes(strided, faces.T.contiguous().T, size)
+    weights = torch.linspace(-1, 1, alpha.numel()).reshape(alpha.shape)
+    other.backward(weights.mT.contiguous().mT)
+    assert torch.equal(other, alpha)
+    assert torch.equal(strided.grad, gradient)
+
+
+def test_one_value_for_all_as_upstream(few_views):
+    points, faces, size = few_views
+    points.requires_grad_()
+    soft_silhouettes(points, faces, size).sum().backward()
+    assert points.grad.isfinite().all()
+    assert (points.grad != 0).any()
+
+
+def test_backward_twice_gives_the_same(few_views):
+    points, faces, size = few_views
+    points.requires_grad_()
+    loss = soft_silhouettes(points, faces, size).square().sum()
+    first, second = (torch.autograd.grad(loss, points, retain_graph=True)[0] for _ in range(2))
+    assert torch.equal(first, second)
+
+
+def test_an_opaque_pixel_is_one_and_passes_no_gradient():
+    # 400 triangles that all cover the image: 1 / T is far beyond float32
+    points = torch.tensor([[[-500.0, -500.0], [1500.0, -500.0], [-500.0, 1500.0]]])
+    points.requires_grad_()
+    alpha = soft_silhouettes(points, torch.tensor([[0, 1, 2]] * 400), (64, 64), 1e-5)
+    assert torch.equal(alpha, torch.ones(1, 64, 64))
+    alpha.sum().backward()
+    assert torch.equal(points.grad, torch.zeros_like(points))
+
+
+def test_faces_far_out_of_sight_do_no_harm():
+    far = 3e30
+    points = torch.tensor([[[far, far], [far, 0.0], [5.0, far], [-far, -far], [9.0, 9.0]]])
+    points.requires_grad_()
+    faces = torch.tensor([[0, 1, 2], [0, 3, 1], [3, 4, 2]])
+    alpha = soft_silhouettes(points, faces, (16, 16))
+    alpha.sum().backward()
+    assert alpha.isfinite().all()
+    assert points.grad.isfinite().all()
+
+
+def test_memory_is_that_of_the_image():
+    assert cpu._count_padded((256, 256)) < 1.05 * 256 * 256
+    size, (points, faces) = (64, 64), make_sphere(100, (64, 64))
+    saved = []
+    with torch.autograd.graph.saved_tensors_hooks(
+        lambda tensor: saved.append(tensor.numel()) or tensor, lambda tensor: tensor
+    ):
+        many = faces.repeat(50, 1)
+        soft_silhouettes(points.requires_grad_(), many, size)
+    assert sum(saved) <= points.numel() + many.numel() + 1.2 * size[0] * size[1]

@@ -1,0 +1,79 @@
+"""The steps of the report, run as the workflow runs them."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+from PIL import Image
+
+from silmesh.cameras.camera import write_cameras
+from silmesh.cameras.turntable import turntable_cameras
+from silmesh.silhouettes import encode
+from silmesh.softras import soft_silhouettes
+from silmesh.steps import figure, picture, report
+
+RUNS = ["box-1/plain", "box-1/fine"]
+
+
+@pytest.fixture
+def results(tmp_path):
+    """The results of two fits of a box, with its views and silhouettes."""
+    box = trimesh.creation.box((0.4, 0.6, 0.2))
+    cameras = turntable_cameras(["a", "b", "c", "d"], 64, 2.732, 10.0, 45.0)
+    points = cameras.project(torch.tensor(box.vertices, dtype=torch.float32))
+    masks = (soft_silhouettes(points, torch.tensor(box.faces), (64, 64)) > 0.5).numpy()
+    for folder in ("views", "silhouettes"):
+        (tmp_path / folder).mkdir()
+        for view, mask in zip(cameras.views, masks, strict=True):
+            encode(mask).save(tmp_path / folder / f"{view}.png")
+    for i, run in enumerate(RUNS):
+        folder = tmp_path / run
+        folder.mkdir(parents=True)
+        box.export(folder / "mesh.ply")
+        write_cameras(folder / "cameras.json", cameras)
+        (folder / "loss.csv").write_text(f"iteration,loss\n0,0.{i + 5}\n1,0.{i + 1}\n")
+        (folder / "metrics.json").write_text(json.dumps({"iou_mean": 0.9 + i / 100, "iou": {}}))
+    return tmp_path
+
+
+def test_tables_figure_pictures_and_page_from_results(results):
+    made = results / "report"
+    figure.main(
+        f"--object box-1 --losses {results}/box-1/plain/loss.csv {results}/box-1/fine/loss.csv"
+        " --variants plain fine --order fine plain"
+        f" --outputs {made}/figures/box-1.svg {made}/figures/box-1.png".split()
+    )
+    for run in RUNS:
+        picture.main(
+            f"--mesh {results}/{run}/mesh.ply --cameras {results}/{run}/cameras.json"
+            f" --views {results}/views --silhouettes {results}/silhouettes"
+            f" --output {made}/pictures/{run}.png".split()
+        )
+    settings = {
+        "configuration": {"views": {"size": 64}, "variants": {"plain": {}, "fine": {}}},
+        "objects": {},
+    }
+    arguments = (
+        f"--results {results} --runs {' '.join(RUNS)} --losses {made}/losses.csv"
+        f" --summary {made}/summary.csv --page {made}/report.html --settings"
+    )
+    report.main([*arguments.split(), json.dumps(settings)])
+    with open(made / "losses.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [(r["object"], r["variant"], r["loss"]) for r in rows] == [
+        ("box-1", "plain", "0.5"),
+        ("box-1", "plain", "0.1"),
+        ("box-1", "fine", "0.6"),
+        ("box-1", "fine", "0.2"),
+    ]
+    assert (made / "summary.csv").read_text() == (
+        "object,variant,iou_mean\nbox-1,plain,0.9\nbox-1,fine,0.91\n"
+    )
+    page = (made / "report.html").read_text()
+    assert "0.900" in page
+    assert "0.910" in page
+    with Image.open(made / "pictures" / "box-1" / "plain.png") as image:
+        assert np.ptp(np.asarray(image)) > 100

@@ -1,0 +1,270 @@
+"""The dataset list: what is found by it, and how a wrong one is refused."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from silmesh.datasets import COLUMNS, Turntable, read_datasets
+from silmesh.errors import InputError
+
+HEADER = "object\timages\tmasks\tsilhouettes\tcameras\tturntable\ttruth\tvariants\n"
+GOOD = {
+    "object": "cup",
+    "images": "photos",
+    "masks": "masks",
+    "silhouettes": "mask",
+    "cameras": "turntable",
+    "turntable": "2.732,0,5",
+    "truth": "",
+    "variants": "",
+}
+STEMS = ["cup_r0", "cup_r5", "cup_r10"]  # in natural order, which is not that of letters
+
+
+def draw(folder: Path, stems=STEMS) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    for stem in stems:
+        Image.new("L", (4, 4)).save(folder / f"{stem}.png")
+
+
+@pytest.fixture
+def table(tmp_path: Path) -> Path:
+    """Where the list lies; beside it are photographs and masks of a cup."""
+    draw(tmp_path / "photos")
+    draw(tmp_path / "masks")
+    return tmp_path / "list.tsv"
+
+
+def line(**cells: str) -> str:
+    return "\t".join((GOOD | cells).values()) + "\n"
+
+
+def read_one(table: Path, **cells: str):
+    table.write_text(HEADER + line(**cells))
+    (dataset,) = read_datasets(table)
+    return dataset
+
+
+def refusal(table: Path, text: str | bytes) -> str:
+    table.write_bytes(text.encode() if isinstance(text, str) else text)
+    with pytest.raises(InputError) as caught:
+        read_datasets(table)
+    message = str(caught.value)
+    assert message.startswith(str(table))
+    assert "\n" not in message
+    return message.removeprefix(str(table))
+
+
+def test_a_row(table):
+    dataset = read_one(table, variants=" a, b,a,")
+    assert dataset.object == "cup"
+    assert dataset.where == f"{table}, line 2 (cup)"
+    assert [path.stem for path in dataset.images] == STEMS
+    assert [path.parent.name for path in dataset.images] == ["photos"] * 3
+    assert [path.stem for path in dataset.masks] == STEMS
+    assert [path.parent.name for path in dataset.masks] == ["masks"] * 3
+    assert dataset.turntable == Turntable(2.732, 0.0, 5.0)
+    assert dataset.truth is None
+    assert dataset.variants == ("a", "b")
+
+
+def test_paths_are_relative_to_the_table(table, monkeypatch):
+    read_one(table)
+    monkeypatch.chdir(table.parents[1])
+    (dataset,) = read_datasets(Path(table.parent.name) / table.name)
+    assert dataset.images[0] == Path(table.parent.name) / "photos" / "cup_r0.png"
+
+
+@pytest.mark.parametrize(
+    ("folder", "cell"),
+    [
+        ("photos", "photos/*.png"),
+        ("my photos", "my photos"),
+        ("my photos", "my photos/*_r*.png"),
+        ("photos [old]", "photos [old]"),
+        ("deep/er", "**/er/*.png"),
+        ("photos", "./photos/"),
+        ("photos", '"photos"'),
+    ],
+)
+def test_images_by_folder_and_glob(table, folder, cell):
+    draw(table.parent / folder)
+    assert [path.stem for path in read_one(table, images=cell).images] == STEMS
+
+
+def test_an_absolute_path_and_a_home(table, monkeypatch):
+    assert len(read_one(table, images=str(table.parent / "photos")).images) == 3
+    monkeypatch.setenv("HOME", str(table.parent))
+    assert len(read_one(table, images="~/photos").images) == 3
+
+
+def test_an_array_of_softras(table):
+    np.save(table.parent / "source.npy", np.zeros((3, 4, 8, 8), np.uint8))
+    dataset = read_one(table, images="source.npy", masks="", silhouettes="alpha")
+    assert dataset.images == (table.parent / "source.npy",)
+
+
+def test_a_camera_file_and_a_truth(table):
+    (table.parent / "camera.npy").touch()
+    (table.parent / "true.ply").touch()
+    dataset = read_one(table, cameras="file:camera.npy", truth="true.ply", turntable="")
+    assert dataset.cameras == f"file:{table.parent / 'camera.npy'}"
+    assert dataset.truth == table.parent / "true.ply"
+    assert dataset.turntable is None
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda text: "\ufeff" + text,
+        lambda text: text.replace("\n", "\r\n"),
+        lambda text: text + "\n\t\t\n\n",
+        lambda text: text.replace("variants\n", "variants\tnotes\n").replace(
+            "5\t\t\n", "5\t\t\thi\n"
+        ),
+        lambda text: text.replace("2.732,0,5\t\t", "2.732, 0, 5"),
+        lambda text: text.replace("cup\t", " cup \t"),
+    ],
+    ids=["BOM", "CRLF", "blank lines", "another column", "a short row", "spaces"],
+)
+def test_what_spreadsheets_write(table, change):
+    expected = read_one(table)
+    table.write_text(change(HEADER + line()), newline="")
+    assert read_datasets(table) == [expected]
+
+
+@pytest.mark.parametrize("column", COLUMNS)
+def test_a_missing_column(table, column):
+    names = [name for name in COLUMNS if name != column]
+    text = "\t".join(names) + "\n" + "\t".join(GOOD[name] for name in names) + "\n"
+    if column in ("truth", "variants"):
+        table.write_text(text)
+        assert read_datasets(table)[0].object == "cup"
+    elif column in ("masks", "turntable"):  # the plan refuses these, if a variant needs them
+        table.write_text(text)
+        assert not getattr(read_datasets(table)[0], column)
+    else:
+        assert refusal(table, text).startswith(f": column {column!r} is missing; the columns are ")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "column 'object' is missing"),
+        ("\n\n", "column 'object' is missing"),
+        (HEADER, "has no row"),
+        ((HEADER + line()).replace("\t", ","), "(separated by tabs)"),
+        ((HEADER + line()).replace("\t", "  "), "(separated by tabs)"),
+        (HEADER.replace("turntable", "turntabel") + line(), "did you mean 'turntable'?"),
+        (HEADER.replace("truth", "masks") + line(), "column 'masks' comes twice"),
+        (HEADER + line() + line(), "line 3: object 'cup' is also on line 2"),
+        (HEADER + "\n" + line() + "\n" + line(), "line 5: object 'cup' is also on line 3"),
+        (HEADER + line(variants="\t\t"), "line 2: has 10 cells under 8 columns"),
+        ((HEADER + line()).encode("utf-16"), "cannot be read as a tab-separated table"),
+    ],
+)
+def test_a_wrong_table(table, text, message):
+    assert message in refusal(table, text)
+
+
+def test_a_table_that_is_not_there(tmp_path):
+    with pytest.raises(InputError) as caught:
+        read_datasets(tmp_path / "no.tsv")
+    assert str(caught.value) == (
+        f"{tmp_path}/no.tsv: cannot be read as a tab-separated table: No such file or directory"
+    )
+
+
+@pytest.mark.parametrize("name", ["", "a b", "a/b", "..", "ä", "report", "# note", "a.b"])
+def test_a_wrong_name(table, name):
+    message = refusal(table, HEADER + line(object=name))
+    assert message.startswith(f", line 2: object {name!r} should be made of letters, digits")
+
+
+@pytest.mark.parametrize(
+    ("cells", "message"),
+    [
+        ({"images": ""}, "images: is empty; should be a folder, a glob or a SoftRas .npy"),
+        ({"images": "no"}, "no: is not there"),
+        ({"images": "photos/*.xyz"}, "photos/*.xyz: matches no file"),
+        ({"images": "empty"}, "empty: has no image (.png, .jpg, "),
+        ({"images": "one"}, "one: holds 1 photograph; a fit needs at least 2"),
+        ({"images": "photos/cup_r0.png"}, "cup_r0.png: holds 1 photograph; a fit needs at least 2"),
+        ({"images": "**/cup_r0.png"}, "cup_r0.png: has the same name, 'cup_r0', as "),
+        ({"masks": "no"}, "no: is not there"),
+        ({"masks": "one"}, "photos/cup_r5.png: has no mask of the same name in "),
+        ({"masks": "one"}, "one (2 photographs without a mask)"),
+        ({"images": "two"}, "masks/cup_r10.png: has no photograph of the same name in "),
+        ({"silhouettes": ""}, "silhouettes: should be one of mask, alpha, threshold, not ''"),
+        (
+            {"silhouettes": "Mask"},
+            "silhouettes: should be one of mask, alpha, threshold, not 'Mask'",
+        ),
+        ({"cameras": ""}, "cameras: should be 'turntable' or 'file:<path>', not ''"),
+        ({"cameras": "file:"}, "cameras: should be 'turntable' or 'file:<path>', not 'file:'"),
+        ({"cameras": "colmap"}, "cameras: should be 'turntable' or 'file:<path>', not 'colmap'"),
+        ({"cameras": "file:no.npy"}, "no.npy: is not there"),
+        ({"truth": "no.ply"}, "no.ply: is not there"),
+        ({"truth": "photos"}, "photos: is not there"),
+    ],
+)
+def test_a_wrong_cell(table, cells, message):
+    (table.parent / "empty").mkdir()
+    draw(table.parent / "one", STEMS[:1])
+    draw(table.parent / "two", STEMS[:2])
+    found = refusal(table, HEADER + line(**cells))
+    assert found.startswith(", line 2 (cup): ")
+    assert message in found
+
+
+@pytest.mark.parametrize("cell", ["2.732", "2.732,0", "2.732,0,5,6", "a,0,5", ",,5", "2.732;0;5"])
+def test_a_turntable_of_another_form(table, cell):
+    message = refusal(table, HEADER + line(turntable=cell))
+    assert f"should be distance,elevation,step, for example 2.732,0,5, not {cell!r}" in message
+
+
+@pytest.mark.parametrize(
+    "cell",
+    ["0,0,5", "-1,0,5", "nan,0,5", "inf,0,5", "2,91,5", "2,nan,5", "2,0,0", "2,0,nan", "2,0,361"],
+)
+def test_a_turntable_of_wrong_numbers(table, cell):
+    message = refusal(table, HEADER + line(turntable=cell))
+    assert f"turntable: {cell!r}: should have a positive distance, an elevation of" in message
+
+
+def test_a_turntable_may_turn_the_other_way(table):
+    assert read_one(table, turntable="2.732,30,-5").turntable == Turntable(2.732, 30, -5)
+
+
+@pytest.mark.parametrize(
+    ("array", "message"),
+    [
+        (np.zeros((3, 8, 8), np.uint8), "not [3, 8, 8] of uint8"),
+        (np.zeros((3, 8, 8, 4), np.uint8), "not [3, 8, 8, 4] of uint8"),
+        (np.zeros((3, 4, 8, 8)), "not [3, 4, 8, 8] of float64"),
+        (np.zeros((1, 4, 8, 8), np.uint8), "holds 1 photograph; a fit needs at least 2"),
+        (np.array([{}], dtype=object), "cannot be read as a .npy array"),
+    ],
+)
+def test_an_array_of_another_shape(table, array, message):
+    np.save(table.parent / "source.npy", array)
+    cells = {"images": "source.npy", "masks": "", "silhouettes": "alpha"}
+    assert message in refusal(table, HEADER + line(**cells))
+
+
+@pytest.mark.parametrize("size", [0, 5, 40, -1])
+def test_a_truncated_array(table, size):
+    file = table.parent / "source.npy"
+    np.save(file, np.zeros((3, 4, 8, 8), np.uint8))
+    os.truncate(file, size if size >= 0 else file.stat().st_size + size)
+    cells = {"images": "source.npy", "masks": "", "silhouettes": "alpha"}
+    assert "source.npy: cannot be read as a .npy array" in refusal(table, HEADER + line(**cells))
+
+
+def test_an_array_takes_no_masks(table):
+    np.save(table.parent / "source.npy", np.zeros((3, 4, 8, 8), np.uint8))
+    message = refusal(table, HEADER + line(images="source.npy"))
+    assert "an array of images has its masks in its alpha channel" in message

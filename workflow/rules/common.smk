@@ -1,0 +1,85 @@
+# What the rules share: the runs behind their wildcards, and the arguments that need choosing.
+
+import json
+
+
+def with_scene(wildcards):
+    """A run that has this scene."""
+    return plan.with_key(wildcards.object, "scene", wildcards.scene)
+
+
+def with_first(wildcards):
+    """A run that has this first mesh."""
+    return plan.with_key(wildcards.object, "first", wildcards.first)
+
+
+def with_cameras(wildcards):
+    """A run that has these cameras."""
+    return plan.with_key(
+        wildcards.object, "cameras", f"{wildcards.views}-{wildcards.cameras}"
+    )
+
+
+def camera_source(wildcards):
+    """The arguments that name where cameras come from."""
+    run = with_cameras(wildcards)
+    if run.camera_file:
+        return f"--file {quote(str(run.camera_file))}"
+    table = run.turntable
+    return f"--turntable {table.distance} {table.elevation} {table.step}"
+
+
+def fit_inputs(wildcards):
+    """The stages that a fit stands on."""
+    run = plan.run(wildcards.object, wildcards.variant)
+    stages = f"results/{wildcards.object}/stages"
+    return {
+        "first": f"{stages}/first/{run.first_key}.ply",
+        "silhouettes": f"{stages}/silhouettes/{run.silhouettes_key}",
+        "scene": f"{stages}/scenes/{run.scene_key}",
+    }
+
+
+def fit_settings(wildcards):
+    """The arguments of a fit."""
+    fit = plan.run(wildcards.object, wildcards.variant).fit
+    return (
+        f"--iterations {fit.iterations} --learning-rate {fit.learning_rate}"
+        f" --betas {fit.betas[0]} {fit.betas[1]} --sigma {fit.sigma}"
+        f" --laplacian {fit.weights.laplacian} --flatten {fit.weights.flatten}"
+        f" --holdout {fit.holdout} --device {fit.device}"
+    )
+
+
+def evaluate_inputs(wildcards):
+    """What a mesh is measured against."""
+    truth = plan.run(wildcards.object, wildcards.variant).dataset.truth
+    stages = fit_inputs(wildcards)
+    return {
+        "silhouettes": stages["silhouettes"],
+        "scene": stages["scene"],
+        "truth": truth or [],
+    }
+
+
+def variants_of(object_):
+    """The variants that an object runs."""
+    return [run.variant for run in plan.runs if run.dataset.object == object_]
+
+
+def report_settings():
+    """What the page prints: the configuration, and what the objects' rows add to it."""
+    rows = {
+        run.dataset.object: {
+            "silhouettes": run.dataset.silhouettes,
+            "cameras": run.dataset.cameras,
+        }
+        for run in plan.runs
+    }
+    configuration = plan.config.model_dump(mode="json")
+    return json.dumps({"configuration": configuration, "objects": rows})
+
+
+def every_run(path):
+    """A path of each run."""
+    return [path.format(run.dataset.object, run.variant) for run in plan.runs]
