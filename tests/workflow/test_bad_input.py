@@ -1,0 +1,180 @@
+"""Bad input ends in one message that names the file and the remedy, early and without traces."""
+
+import json
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from silmesh.lock import hold
+
+
+def refusal(project, *arguments: str, **settings) -> str:
+    """What snakemake says of an input that it must refuse; nothing half-made is left."""
+    status, said = project.snakemake(*arguments, **settings)
+    assert status != 0, said
+    assert "Traceback" not in said
+    results = project / "results"
+    assert not [path for path in results.rglob("*") if path.name.startswith(".part-")]
+    return said
+
+
+def message(said: str) -> str:
+    """The one line that is ours."""
+    (line,) = [line for line in said.splitlines() if line.startswith("silmesh: ")]
+    return line
+
+
+def overwrite(path, size=(40, 32), box=None) -> None:
+    """A mask of another kind: empty, or white within a box."""
+    image = Image.new("L", size)
+    if box:
+        image.paste(255, box)
+    image.save(path)
+
+
+def test_an_unknown_key(fresh):
+    fresh.edit("config/config.yaml", "iterations: 3}\n  boxed", "iteratoins: 3}\n  boxed")
+    said = refusal(fresh)
+    assert "variants.round.fit.iteratoins: unknown key; did you mean 'iterations'?" in message(said)
+    assert message(said).startswith("silmesh: config/config.yaml: ")
+    assert said.rstrip().endswith(message(said))  # nothing of snakemake's around it
+    assert not (fresh / "results").exists()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("cameras\t", "camera\t", "column 'cameras' is missing"),
+        ("2.732,0,90", "2.732;0;90", "line 2 (cup): turntable: should be distance,elevation,step"),
+        ("png2/cup", "png2/cap", "png2/cap: is not there"),
+    ],
+)
+def test_a_wrong_table(fresh, old, new, expected):
+    fresh.edit("config/datasets.tsv", old, new)
+    said = refusal(fresh, "--dry-run")
+    assert message(said).startswith("silmesh: config/datasets.tsv")
+    assert expected in message(said)
+
+
+def test_a_configuration_of_ones_own_does_not_mix_with_the_default_one(fresh):
+    (fresh / "my.yaml").write_text(
+        "datasets: config/datasets.tsv\nvariants: {mine: {init: {vertices: 60}}}\n"
+    )
+    assert {job for job in fresh.outdated("--configfile", "my.yaml") if job.startswith("fit")} == {
+        "fit cup/mine"
+    }
+    (fresh / "my.yaml").write_text("datasets: no.tsv\nvariants: {mine: }\n")
+    said = refusal(fresh, "--configfile", "my.yaml")
+    assert message(said).startswith("silmesh: no.tsv: cannot be read as a tab-separated table: ")
+
+
+def test_from_another_folder(fresh, tmp_path):
+    elsewhere = tmp_path / "else where"
+    elsewhere.mkdir()
+    inside = fresh.outdated()
+    by_directory = "-s", str(fresh / "Snakefile"), "--directory", str(fresh.folder)
+    assert fresh.outdated(*by_directory, cwd=elsewhere) == inside
+    said = refusal(fresh, "-s", str(fresh / "Snakefile"), cwd=elsewhere)
+    assert "config/config.yaml" in said
+
+
+def test_images_without_a_mask_and_masks_without_an_image(fresh):
+    (fresh / "photos/mask2/cup/cup_r90.png").unlink()
+    assert "cup_r90.png: has no mask of the same name in photos/mask2/cup" in message(
+        refusal(fresh)
+    )
+    (fresh / "photos/png2/cup/cup_r90.png").unlink()
+    (fresh / "photos/png2/cup/cup_r180.png").unlink()
+    assert "mask2/cup/cup_r180.png: has no photograph of the same name" in message(refusal(fresh))
+
+
+def test_a_truncated_image(fresh):
+    image = fresh / "photos/png2/cup/cup_r90.png"
+    image.write_bytes(image.read_bytes()[:-30])
+    said = refusal(fresh)
+    assert "photos/png2/cup/cup_r90.png: cannot be read as an image: " in message(said)
+    assert not (fresh / "results/cup/stages/views/32-pad").exists()
+
+
+def test_an_array_of_a_wrong_shape(fresh):
+    np.save(fresh / "source.npy", np.zeros((4, 3, 32, 32), np.uint8))
+    fresh.edit("config/datasets.tsv", "../photos/png2/cup\t../photos/mask2/cup", "../source.npy\t")
+    assert "source.npy: should hold [views, 4, height, width] of uint8" in message(refusal(fresh))
+
+
+@pytest.mark.parametrize(
+    ("box", "expected"), [(None, "empty; the object should show"), ((0, 0, 40, 32), "fills the")]
+)
+def test_an_empty_or_a_full_mask(project, box, expected):
+    overwrite(project / "photos/mask2/cup/cup_r90.png", box=box)
+    said = refusal(project)
+    assert "photos/mask2/cup/cup_r90.png: view 'cup_r90', silhouettes from 'mask': " in message(
+        said
+    )
+    assert expected in message(said)
+    assert not (project / "results/cup/stages/silhouettes/32-pad-mask").exists()
+
+
+def test_views_and_cameras_that_differ_in_number(project):
+    np.save(project / "camera.npy", np.tile([2.732, 0, 0], (3, 1)))
+    project.edit("config/datasets.tsv", "turntable\t2.7", "file:../camera.npy\t2.7")
+    assert "camera.npy: has 3 cameras, but there are 4 views" in message(refusal(project))
+
+
+def test_a_camera_inside_the_object(project):
+    project.edit("config/datasets.tsv", "2.732,0,90", "0.4,0,90")
+    said = message(refusal(project))
+    assert "'cup_r0' stands at distance 0.4 from the origin, inside the sphere" in said
+
+
+def test_an_object_far_from_the_middle_of_the_first_view(project):
+    """A box that is aligned with it reaches beyond (-1, 1) after halving."""
+    for i in range(4):
+        overwrite(project / f"photos/mask2/cup/cup_r{i * 90}.png", box=(0, 0, 3, 32))
+    said = refusal(project, "results/cup/boxed/mesh.ply")
+    assert "every coordinate should lie within (-1, 1)" in message(said)
+    assert not (project / "results/cup/boxed/mesh.ply").exists()
+
+
+def test_a_loss_that_is_not_finite(project):
+    project.edit("config/config.yaml", "3}\n  boxed", "3, learning_rate: 1e38}\n  boxed")
+    said = refusal(project, "results/cup/round/mesh.ply")
+    assert "a loss is not finite. A smaller learning_rate" in message(said)
+    assert list((project / "results/cup/round").glob("mesh*")) == []
+
+
+def test_a_second_objects_mistake_is_found_before_the_first_ones_fit(fresh):
+    fresh.add_object("jug")
+    overwrite(fresh / "photos/mask2/jug/jug_r90.png")
+    said = refusal(fresh, cores=1)
+    assert "jug_r90.png" in message(said)
+    assert not (fresh / "logs/fit").exists()
+
+
+def test_what_no_variant_makes(fresh):
+    status, said = fresh.snakemake("results/cup/other/mesh.ply", "--dry-run")
+    assert status != 0
+    assert "object 'cup': no variant of the configuration makes this" in said
+
+
+def test_two_runs_at_once(project, tmp_path):
+    project.edit("config/config.yaml", "3}\n  boxed", "4}\n  boxed")
+    assert hold(project / ".snakemake/silmesh.lock")  # as a run that is at work does
+    assert "another run is at work in " in message(refusal(project))
+    assert "fit cup/round" in project.outdated()
+
+
+def test_hold_is_for_one_process(tmp_path):
+    assert hold(tmp_path / "lock")
+    assert not hold(tmp_path / "lock")
+
+
+def test_cameras_of_ones_own(project):
+    """A cameras.json is found beside the table, and used whatever its name."""
+    made = json.loads((project / "results/cup/stages/cameras/32-pad-turntable.json").read_text())
+    (project / "config/my 'own' cameras.json").write_text(json.dumps(made))
+    project.edit("config/datasets.tsv", "turntable\t2.7", "file:my 'own' cameras.json\t2.7")
+    project.run("results/cup/round/metrics.json", "--until", "scene")
+    scenes = sorted(path.name[:20] for path in (project / "results/cup/stages/scenes").iterdir())
+    assert scenes == ["32-pad-mask-file_" + scenes[0][17:], "32-pad-mask-turntabl"]

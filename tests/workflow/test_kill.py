@@ -1,0 +1,78 @@
+"""A killed run leaves nothing to unlock and nothing half-made; the next one makes the same."""
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+WAIT = """
+    if os.environ.get("SILMESH_TEST_STOP"):
+        Path(os.environ["SILMESH_TEST_STOP"]).write_text(str(os.getpid()))
+        time.sleep(600)
+"""
+
+
+def kill_when(process, marker: Path) -> None:
+    """Kill a run and all that it started as soon as one of its steps has written the marker."""
+    until = time.monotonic() + 120
+    while not marker.exists() or not marker.read_text():
+        assert process.poll() is None, process.stdout.read()
+        assert time.monotonic() < until
+        time.sleep(0.05)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    process.stdout.close()
+    step = Path(f"/proc/{marker.read_text()}")
+    while step.exists() and "Z" not in (step / "stat").read_text().split()[2]:
+        assert time.monotonic() < until, "the step outlived its group"
+        time.sleep(0.05)
+
+
+def leftovers(project) -> list[Path]:
+    return [path for path in (project / "results").rglob("*") if path.name.startswith(".part-")]
+
+
+def add_stop(project, path: str, after: str) -> None:
+    """Make a step wait, where the environment says so, just after a line of its code."""
+    indent = len(after) - len(after.lstrip())
+    wait = WAIT.replace("\n    ", "\n" + " " * indent).rstrip() + "\n"
+    project.edit(path, after, after + wait)
+    file = project / path
+    lines = file.read_text().split("\nimport ", 1)
+    file.write_text("\nimport os\nimport time\nfrom pathlib import Path\nimport ".join(lines))
+
+
+def test_a_kill_in_the_middle_of_a_fit(project, finished, tmp_path):
+    marker = tmp_path / "marker"
+    add_stop(project, "src/silmesh/fitting/loop.py", "        loss.backward()\n")
+    mesh = "results/cup/round/mesh.ply"
+    kill_when(project.start(mesh, SILMESH_TEST_STOP=str(marker)), marker)
+    assert not (project / mesh).exists()
+    project.run(mesh)
+    assert leftovers(project) == []
+    for name in ("mesh.ply", "mesh.obj", "mesh.glb", "cameras.json"):
+        path = f"results/cup/round/{name}"
+        assert (project / path).read_bytes() == (finished / path).read_bytes()
+    assert project.outdated(mesh) == set()
+
+
+@pytest.mark.parametrize("target", ["views/32-pad", "cameras/32-pad-turntable.json"])
+def test_a_kill_in_the_middle_of_writing(project, finished, tmp_path, target):
+    marker = tmp_path / "marker"
+    add_stop(project, "src/silmesh/files.py", "        yield part\n")
+    path = f"results/cup/stages/{target}"
+    project.run("results/cup/stages/views/32-pad")
+    (project / "config/config.yaml").touch()
+    forced = project.start("--force", path, SILMESH_TEST_STOP=str(marker))
+    kill_when(forced, marker)
+    assert [part.name for part in leftovers(project)] == [f".part-{Path(target).name}"]
+    assert not (project / path).exists()
+    project.run(path)
+    assert leftovers(project) == []
+    assert names(project / path) == names(finished / path)
+
+
+def names(path: Path) -> list[str]:
+    return sorted(p.name for p in path.iterdir()) if path.is_dir() else [path.read_text()]

@@ -1,0 +1,161 @@
+"""A change reruns what depends on it, and nothing else: dry runs after a real one."""
+
+import os
+import time
+from pathlib import Path
+
+import pytest
+from PIL import Image
+
+VARIANTS = ("round", "boxed")
+SCENE = "cup/32-pad-mask-turntable"
+FIRST = {"round": f"first {SCENE}-sphere-60-none", "boxed": f"first {SCENE}-sphere-60-bbox"}
+REPORT = {"figure cup", "report report"}
+
+
+def from_fit(*variants: str, name: str = "cup") -> set[str]:
+    """A fit and what follows from it."""
+    jobs = {f"{step} {name}/{v}" for v in variants for step in ("fit", "evaluate", "picture")}
+    return jobs | {f"figure {name}", "report report"}
+
+
+FROM_FIRST = set(FIRST.values()) | from_fit(*VARIANTS)
+FROM_SCENE = {f"scene {SCENE}"} | FROM_FIRST
+FROM_SILHOUETTES = {"silhouettes cup/32-pad-mask"} | FROM_SCENE
+FROM_CAMERAS = {"cameras cup/32-pad-turntable"} | FROM_SCENE
+ALL = {"views cup/32-pad"} | FROM_SILHOUETTES | FROM_CAMERAS
+
+
+def recolour(path: Path) -> None:
+    """Change a pixel in the ball's middle."""
+    with Image.open(path) as image:
+        image.load()
+    image.putpixel((20, 16), (0, 0, 0))
+    image.save(path)
+
+
+def test_nothing_changed(project):
+    assert project.outdated() == set()
+    assert project.outdated(cores=1) == set()
+
+
+def test_a_fresh_project_runs_everything(fresh):
+    assert fresh.outdated() == ALL
+
+
+@pytest.mark.parametrize(
+    ("path", "old", "new"),
+    [
+        ("src/silmesh/steps/fit.py", "def main(", "# a comment\ndef main("),
+        ("src/silmesh/steps/fit.py", '"""Parse, load, call, save."""', '"""Do it all."""'),
+        ("src/silmesh/views.py", '"""Photographs: ', '"""Pictures: '),
+        ("workflow/rules/fit.smk", "# makes", "# in the end makes"),
+        ("config/config.yaml", "variants:", "# a comment\nvariants:"),
+        ("config/config.yaml", "{iterations: 3}\n  boxed", "{iterations: 3, seed: 0}\n  boxed"),
+    ],
+    ids=["comment", "docstring", "module docstring", "rule", "configuration", "default"],
+)
+def test_what_does_not_run_reruns_nothing_but_the_page(project, path, old, new):
+    project.edit(path, old, new)
+    assert project.outdated() == set()
+
+
+@pytest.mark.parametrize(
+    ("path", "old", "new", "expected"),
+    [
+        ("fitting/losses.py", "EPS = 1e-6", "EPS = 2e-6", from_fit(*VARIANTS)),
+        ("shapes/place.py", "REPORT_RADIUS = 90", "REPORT_RADIUS = 91", FROM_FIRST),
+        ("scene.py", '"scale": similarity', '"size": 1, "scale": similarity', FROM_SCENE),
+        ("silhouettes/mask.py", "> 127", "> 126", FROM_SILHOUETTES),
+        ("cameras/turntable.py", "HALF_ANGLE = 15.0", "HALF_ANGLE = 14.0", FROM_CAMERAS),
+        ("files.py", "import os\n", "import os\n\nEXTRA = 1\n", ALL),
+        ("steps/evaluate.py", 'indent=1) + "\\n"', "indent=1)", {
+            *(f"evaluate cup/{v}" for v in VARIANTS), "report report"}),
+    ],
+    ids=lambda value: value if isinstance(value, str) and value.endswith(".py") else "",
+)  # fmt: skip
+def test_code_reruns_the_steps_that_import_it(project, path, old, new, expected):
+    project.edit(f"src/silmesh/{path}", old, new)
+    assert expected - project.outdated() == set()
+    assert project.outdated() - expected == set()
+
+
+def test_a_learning_rate(project):
+    project.edit("config/config.yaml", "3}\n  boxed", "3, learning_rate: 0.0200000001}\n  boxed")
+    assert project.outdated() == from_fit("round")
+    project.run()
+    assert project.outdated() == set()
+    project.edit("config/config.yaml", "0.0200000001", "0.0200000002")
+    assert project.outdated() == from_fit("round")
+
+
+def test_the_size_of_the_images(project):
+    project.edit("config/config.yaml", "size: 32", "size: 48")
+    assert project.outdated() == {job.replace("32-pad", "48-pad") for job in ALL}
+
+
+def test_a_turntables_distance(project):
+    project.edit("config/datasets.tsv", "2.732", "2.8")
+    assert project.outdated() == FROM_CAMERAS
+
+
+def test_a_mask(project):
+    recolour(project / "photos/mask2/cup/cup_r90.png")
+    assert project.outdated() == FROM_SILHOUETTES
+
+
+def test_a_photograph(project):
+    photograph = project / "photos/png2/cup/cup_r90.png"
+    later = time.time() + 10
+    os.utime(photograph, (later, later))
+    assert project.outdated() == set()  # small files are compared by their content
+    recolour(photograph)
+    os.utime(photograph, (later, later))
+    assert project.outdated() == ALL
+
+
+def test_one_photograph_fewer(project):
+    for kind in ("png2", "mask2"):
+        (project / f"photos/{kind}/cup/cup_r270.png").unlink()
+    assert project.outdated() == ALL
+
+
+def test_one_photograph_more(project):
+    for kind in ("png2", "mask2"):
+        folder = project / f"photos/{kind}/cup"
+        (folder / "cup_r360.png").write_bytes((folder / "cup_r0.png").read_bytes())
+    assert project.outdated() == ALL
+
+
+def test_a_new_variant(project):
+    with open(project / "config/config.yaml", "a") as config:
+        config.write("  slow:\n    init: {vertices: 60, align: bbox}\n    fit: {iterations: 4}\n")
+    # the figures' colours are by the variants' order, and the page shows the configuration
+    assert project.outdated() == from_fit("slow")
+
+
+def test_a_variant_of_other_silhouettes(project):
+    with open(project / "config/config.yaml", "a") as config:
+        config.write("  plain:\n    silhouettes: threshold\n    init: {vertices: 60}\n")
+    scene = "cup/32-pad-threshold-turntable"
+    assert project.outdated() == {
+        "silhouettes cup/32-pad-threshold",
+        f"scene {scene}",
+        f"first {scene}-sphere-60-bbox",
+        *from_fit("plain"),
+    }
+
+
+def test_a_new_object_leaves_the_others_alone(project):
+    project.add_object("jug", centre=(21, 17))
+    assert project.outdated() == {job.replace("cup", "jug") for job in ALL}
+
+
+def test_an_object_fewer_reruns_the_page(project):
+    project.edit("config/datasets.tsv", "90\t\n", "90\tboxed\n")
+    assert project.outdated() == REPORT
+
+
+def test_a_lost_result_is_made_again(project):
+    (project / "results/cup/round/mesh.glb").unlink()
+    assert project.outdated() == from_fit("round")
