@@ -86,7 +86,7 @@ def test_kernel_agrees_with_reference(scene):
     assert ((true_alpha > 0.01) & (true_alpha < 0.99)).float().mean() > 0.01
     assert (alpha - true_alpha).abs().max() < 1e-5
     error = (gradient - true_gradient).abs()
-    assert (error <= 1e-4 * true_gradient.abs() + 1e-5 * true_gradient.abs().max()).all()
+    assert (error <= 1e-4 * true_gradient.abs() + 5e-5 * true_gradient.abs().max()).all()
     assert error.norm() < 1e-4 * true_gradient.norm()
 
 
