@@ -307,6 +307,17 @@ def test_the_step_writes_alois_layout_and_the_truth(tmp_path):
     np.testing.assert_array_equal(truth.visual.vertex_colors, made("apricot").visual.vertex_colors)
 
 
+def test_the_step_turns_as_far_as_the_names_say(tmp_path):
+    """The apricot, on the side of positive x, is on the left when it has turned half way."""
+    step.main(arguments(tmp_path))
+    columns = [
+        np.nonzero(np.asarray(Image.open(tmp_path / f"mask2/apricot/apricot_r{a}.png")))[1]
+        for a in (0, 180)
+    ]
+    assert columns[0].mean() > 192 + 10
+    assert columns[1].mean() < 192 - 10
+
+
 def test_the_step_makes_the_same_bytes_again(tmp_path):
     for run in ("a", "b"):
         step.main(arguments(tmp_path / run))
