@@ -45,6 +45,11 @@ onstart:
         )
 
 
+# What a step said is the last to be read, not the long command of it.
+onerror:
+    shell("grep -h '^silmesh: ' {log:q} | sort -u >&2 || true")
+
+
 wildcard_constraints:
     object=NAME,
     variant=NAME,
@@ -52,12 +57,16 @@ wildcard_constraints:
     scene=r"\d+-[a-z]+-\w+-\w+",
 
 
+include: "workflow/rules/common.smk"
+
+
 rule all:
     input:
         "results/report/report.html",
+        every_run("results/{}/{}/mesh.obj"),
+        every_run("results/{}/{}/mesh.glb"),
 
 
-include: "workflow/rules/common.smk"
 include: "workflow/rules/synthetic.smk"
 include: "workflow/rules/views.smk"
 include: "workflow/rules/silhouettes.smk"

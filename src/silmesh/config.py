@@ -39,7 +39,9 @@ SilhouetteSource = Literal["mask", "alpha", "threshold"]
 CameraSource = Annotated[
     str, StringConstraints(pattern=r"^(turntable|file:.+)$"), "'turntable' or 'file:<path>'"
 ]
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False), "a number above 0"]
+Positive = Annotated[
+    float, Field(gt=0, le=1e6, allow_inf_nan=False), "a number above 0, at most 1,000,000"
+]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False), "a number, 0 or above"]
 Momentum = Annotated[float, Field(ge=0, lt=1)]
 Pixels = _whole(16, 4096)

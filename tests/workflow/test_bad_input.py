@@ -8,6 +8,8 @@ from PIL import Image
 
 from silmesh.lock import hold
 
+pytestmark = pytest.mark.slow  # each runs snakemake, on what a session makes once
+
 
 def refusal(project, *arguments: str, **settings) -> str:
     """What snakemake says of an input that it must refuse; nothing half-made is left."""
@@ -20,8 +22,8 @@ def refusal(project, *arguments: str, **settings) -> str:
 
 
 def message(said: str) -> str:
-    """The one line that is ours."""
-    (line,) = [line for line in said.splitlines() if line.startswith("silmesh: ")]
+    """The one message that is ours: a failed step's is in its log, and again at the end."""
+    (line,) = {line for line in said.splitlines() if line.startswith("silmesh: ")}
     return line
 
 
@@ -128,17 +130,8 @@ def test_a_camera_inside_the_object(project):
     assert "'cup_r0' stands at distance 0.4 from the origin, inside the sphere" in said
 
 
-def test_an_object_far_from_the_middle_of_the_first_view(project):
-    """A box that is aligned with it reaches beyond (-1, 1) after halving."""
-    for i in range(4):
-        overwrite(project / f"photos/mask2/cup/cup_r{i * 90}.png", box=(0, 0, 3, 32))
-    said = refusal(project, "results/cup/boxed/mesh.ply")
-    assert "every coordinate should lie within (-1, 1)" in message(said)
-    assert not (project / "results/cup/boxed/mesh.ply").exists()
-
-
 def test_a_loss_that_is_not_finite(project):
-    project.edit("config/config.yaml", "3}\n  boxed", "3, learning_rate: 1e38}\n  boxed")
+    project.edit("config/config.yaml", "3}\n  boxed", "3, sigma: 1e-300}\n  boxed")
     said = refusal(project, "results/cup/round/mesh.ply")
     assert "a loss is not finite. A smaller learning_rate" in message(said)
     assert list((project / "results/cup/round").glob("mesh*")) == []

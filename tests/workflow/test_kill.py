@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
 WAIT = """
     if os.environ.get("SILMESH_TEST_STOP"):
         Path(os.environ["SILMESH_TEST_STOP"]).write_text(str(os.getpid()))
