@@ -194,6 +194,8 @@ def test_a_wrong_name(table, name):
         ({"images": "one"}, "one: holds 1 photograph; a fit needs at least 2"),
         ({"images": "photos/cup_r0.png"}, "cup_r0.png: holds 1 photograph; a fit needs at least 2"),
         ({"images": "**/cup_r0.png"}, "cup_r0.png: has the same name, 'cup_r0', as "),
+        ({"images": "a {cup}"}, "a {cup}: a path with '{' or '}' cannot be used"),
+        ({"images": "braces"}, "braces/{0}.png: a path with '{' or '}' cannot be used"),
         ({"masks": "no"}, "no: is not there"),
         ({"masks": "one"}, "photos/cup_r5.png: has no mask of the same name in "),
         ({"masks": "one"}, "one (2 photographs without a mask)"),
@@ -215,6 +217,7 @@ def test_a_wrong_cell(table, cells, message):
     (table.parent / "empty").mkdir()
     draw(table.parent / "one", STEMS[:1])
     draw(table.parent / "two", STEMS[:2])
+    draw(table.parent / "braces", ["{0}", "{1}"])
     found = refusal(table, HEADER + line(**cells))
     assert found.startswith(", line 2 (cup): ")
     assert message in found

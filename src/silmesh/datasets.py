@@ -154,7 +154,13 @@ def _parse_row(table: Path, line: int, row: Mapping[str, str]) -> Dataset:
 
 def _beside(table: Path, path: str) -> Path:
     """A path of the table, which is relative to the table itself."""
-    return Path(os.path.normpath(table.parent / Path(path).expanduser()))
+    return _without_braces(Path(os.path.normpath(table.parent / Path(path).expanduser())))
+
+
+def _without_braces(path: Path) -> Path:
+    if set("{}") & set(str(path)):
+        raise InputError(f"{path}: a path with '{{' or '}}' cannot be used: Snakemake's wildcards")
+    return path
 
 
 def _find_images(table: Path, cell: str) -> tuple[Path, ...]:
@@ -164,7 +170,7 @@ def _find_images(table: Path, cell: str) -> tuple[Path, ...]:
     if made := layout.promised_files(path):
         return made
     if path.suffix != ".npy":
-        images = tuple(find_images(path))
+        images = tuple(map(_without_braces, find_images(path)))
         count = len(images)
     else:
         images, count = (path,), count_array_views(path)
