@@ -1,4 +1,4 @@
-"""Silhouettes from mask files: white is the object."""
+"""Silhouettes from mask files: the object is bright, and opaque where a mask has an alpha channel."""
 
 from pathlib import Path
 
@@ -10,15 +10,19 @@ from silmesh.views import View, read_image
 
 
 def find(image: Image.Image, view: View, mask: Path | None) -> np.ndarray:
-    """Resize the mask as its photograph was, and take what is at least half white.
+    """Resize the mask as its photograph was, and take what is at least half as bright as it gets.
+
+    So masks of 0 and 1, and the grey silhouettes that this package writes, are read as well.
 
     Raises:
         InputError: the mask cannot be read, or has another size than the photograph
     """
-    white = read_image(mask).convert("L")
-    if white.size != (view.width, view.height):
+    drawn = read_image(mask)
+    if drawn.size != (view.width, view.height):
         raise InputError(
-            f"{mask}: is {white.width}x{white.height}, but its photograph {view.source} is "
+            f"{mask}: is {drawn.width}x{drawn.height}, but its photograph {view.source} is "
             f"{view.width}x{view.height}; a mask should have its photograph's size"
         )
-    return np.asarray(view.place(white, Image.Resampling.BILINEAR)) > 127
+    shown = Image.alpha_composite(Image.new("RGBA", drawn.size, "black"), drawn.convert("RGBA"))
+    bright = np.asarray(view.place(shown.convert("L"), Image.Resampling.BILINEAR))
+    return bright > bright.max() // 2
