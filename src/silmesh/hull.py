@@ -17,6 +17,8 @@ from skimage.measure import marching_cubes
 from silmesh.cameras.camera import OBJECT_RADIUS, Cameras
 
 REACH = 1 / 16  # of the image's side: distances to the outline are cut off there
+GRACE = 0.15  # pixels that every outline is moved outwards: each is only known to half a pixel,
+# and the hull takes the worst of all views; without it thin parts vanish from small images
 COARSE = 48  # samples a side of the first grid, which only finds the box that the hull fills
 
 
@@ -73,7 +75,7 @@ def _signed_distance(silhouette: np.ndarray, far: float) -> np.ndarray:
     if silhouette.all() or not silhouette.any():
         return np.full(silhouette.shape, far if silhouette.any() else -far, np.float32)
     inside, outside = distance_transform_edt(silhouette), distance_transform_edt(~silhouette)
-    signed = np.where(silhouette, inside - 0.5, 0.5 - outside)
+    signed = np.where(silhouette, inside - 0.5, 0.5 - outside) + GRACE
     return signed.clip(-far, far).astype(np.float32)
 
 

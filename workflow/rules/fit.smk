@@ -14,7 +14,7 @@ rule fit:
         "logs/fit/{object}-{variant}.log",
     benchmark:
         "logs/fit/{object}-{variant}.tsv"
-    threads: 2
+    threads: max(1, workflow.cores // len(plan.runs))
     params:
         settings=fit_settings,
         code=code_digest("silmesh.steps.fit"),
