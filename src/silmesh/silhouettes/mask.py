@@ -1,4 +1,4 @@
-"""Silhouettes from mask files: the object is bright, and opaque where a mask has an alpha channel."""
+"""Silhouettes from mask files: the object is bright, and opaque if a mask has an alpha channel."""
 
 from pathlib import Path
 
