@@ -39,7 +39,7 @@ def test_spheres_are_the_same_each_time(verts):
     np.testing.assert_array_equal(unit_sphere(verts).faces, unit_sphere(verts).faces)
 
 
-def test_fibonacci_triangles_are_even():
+def test_triangles_are_even():
     areas = unit_sphere(1352).area_faces
     assert areas.std() / areas.mean() < 0.2
 
@@ -47,3 +47,11 @@ def test_fibonacci_triangles_are_even():
 def test_too_few_vertices_are_refused():
     with pytest.raises(InputError, match="11 vertices: should have at least 12"):
         unit_sphere(11)
+
+
+@pytest.mark.parametrize("vertices", [12, 50, 1352])
+def test_even_triangles_are_nearly_equilateral(vertices):
+    mesh = unit_sphere(vertices)
+    longest, shortest = np.ptp(mesh.face_angles, axis=1).max(), mesh.face_angles.min()
+    assert np.degrees(shortest) > 35
+    assert np.degrees(longest) < 55

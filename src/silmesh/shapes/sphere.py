@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull
 from silmesh.errors import InputError
 
 FEWEST = 12  # vertices that still make a sphere
-RELAXATIONS = 20  # rounds; the sphere's Laplacian loss falls to a sixth, and hardly further
+RELAXATIONS = 10  # rounds; the Laplacian of the sphere falls to a quarter, and hardly further
 
 
 def unit_sphere(vertices: int) -> trimesh.Trimesh:
@@ -49,13 +49,13 @@ def _even_sphere(vertices: int) -> trimesh.Trimesh:
 
 
 def _relax(points: np.ndarray) -> np.ndarray:
-    """Move every point of a sphere to the mean of its neighbours, and back onto the sphere."""
+    """Move every point of a sphere to the centroid of its triangles, and back onto the sphere."""
     faces = ConvexHull(points).simplices
-    here, there = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).T
-    # Every edge has two faces, so each neighbour comes twice, and the norm undoes the sum.
-    total = np.zeros_like(points)
-    np.add.at(total, here, points[there])
-    np.add.at(total, there, points[here])
+    a, b, c = points[faces.T]
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1, keepdims=True)
+    total = np.zeros_like(points)  # of area times centroid; the norm undoes the common factors
+    for corner in faces.T:
+        np.add.at(total, corner, area * (a + b + c))
     return total / np.linalg.norm(total, axis=1, keepdims=True)
 
 
