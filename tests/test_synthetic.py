@@ -17,15 +17,15 @@ from silmesh.steps import synthetic as step
 from silmesh.synthetic.layout import OBJECTS, SIZE, photograph_names, turntable_angles
 from silmesh.synthetic.make import find_paint, make_object, mesh_solid
 from silmesh.synthetic.paints import coat
-from silmesh.synthetic.photograph import photograph, turntable_cameras
+from silmesh.synthetic.photograph import photograph
 from silmesh.synthetic.solids import ellipsoid, lathe, limb, ring, sphere, subtract, unite
+from silmesh.synthetic.turntable import photograph_cameras
 
 GENUS = dict.fromkeys(OBJECTS, 0) | {"pot": 2}  # one for each handle
 
 
 def turntable(views: int, size: tuple[int, int] = SIZE, **kwargs):
-    names = [str(i) for i in range(views)]
-    return turntable_cameras(names, torch.tensor([size] * views), step=360 / views, **kwargs)
+    return photograph_cameras([str(i) for i in range(views)], size, **kwargs)
 
 
 @cache

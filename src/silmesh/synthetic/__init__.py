@@ -5,5 +5,6 @@
 ``paints``      colours by position: bands, speckle, printed labels
 ``objects``     one module an object: its distance function and its paint
 ``make``        from a distance function to a watertight, coloured mesh
+``turntable``   the cameras of the photographs
 ``photograph``  from a mesh and cameras to photographs and masks, by casting rays
 """

@@ -11,15 +11,13 @@ checked against pictures that it did not make.
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 
 import numpy as np
-import torch
 import trimesh
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
-from torch import Tensor
 
 from silmesh.cameras.camera import Cameras
 
@@ -27,9 +25,6 @@ Array = NDArray[np.floating]
 Paint = Callable[[Array], Array]
 
 RAYS = 2  # per pixel, along each of its sides
-DISTANCE = 2.732  # of the turntable's camera from the origin
-ELEVATION = 10.0  # degrees: it looks slightly down
-HALF_VIEW = 15.0  # degrees of view over half of the longer side
 
 # In the camera's axes, so y is down and z away from the camera; towards the lamp.
 KEY_LAMP = np.float32([-0.62, -0.68, -0.55])
@@ -39,38 +34,6 @@ LAMP_SIZE = 0.15  # radius of the key lamp over its distance: softens the shadow
 LAMP_RAYS, SKY_RAYS = 8, 64  # from each vertex, for shadows and for occlusion
 DARKEST = 0.17  # of 0..1 on the screen: the room's stray light on black parts
 SENSOR_NOISE = (0.5, 1.6)  # grey levels, on the background and on the object
-
-
-def turntable_cameras(
-    views: Sequence[str],
-    sizes: Tensor,
-    distance: float = DISTANCE,
-    elevation: float = ELEVATION,
-    step: float = 5.0,
-) -> Cameras:
-    """Cameras on a circle about the y axis that look at the origin.
-
-    Args:
-        views: names
-        sizes: [views, 2] width and height in pixels
-        distance: from the origin, in world units
-        elevation: above the plane y = 0, in degrees
-        step: from each view to the next, in degrees; the first stands over the z axis
-    """
-    azimuths = torch.arange(len(views), dtype=torch.float64) * math.radians(step)
-    sine, cosine = azimuths.sin(), azimuths.cos()
-    e = math.radians(elevation)
-    right = torch.stack([cosine, torch.zeros_like(sine), -sine], dim=1)
-    forward = -torch.stack(
-        [math.cos(e) * sine, torch.full_like(sine, math.sin(e)), math.cos(e) * cosine], dim=1
-    )
-    R = torch.stack([right, torch.linalg.cross(forward, right), forward], dim=1)
-    t = torch.tensor([0, 0, distance], dtype=torch.float64).repeat(len(views), 1)
-    K = torch.eye(3, dtype=torch.float64).repeat(len(views), 1, 1)
-    half = sizes.to(torch.float64) / 2
-    K[:, 0, 0] = K[:, 1, 1] = half.amax(dim=1) / math.tan(math.radians(HALF_VIEW))
-    K[:, :2, 2] = half
-    return Cameras(tuple(views), sizes, K, R, t)
 
 
 def photograph(
