@@ -11,7 +11,7 @@ from silmesh.errors import InputError
 from silmesh.lock import hold
 from silmesh.plan import Plan
 from silmesh.provenance import code_digest, file_digest
-from silmesh.synthetic.layout import turntable_angles
+from silmesh.synthetic.layout import photograph_names
 
 min_version("9.10")
 
@@ -22,6 +22,7 @@ if not workflow.configfiles:
     configfile: "config/config.yaml"
 
 
+# Only `snakemake --lint` asks for it. Steps run in the environment that runs this, see below.
 container: "docker://python:3.11-slim"
 
 

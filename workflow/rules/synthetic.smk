@@ -5,14 +5,14 @@
 
 rule synthetic:
     output:
-        images=expand(
-            "resources/synthetic/png2/{{name}}/{{name}}_r{angle}.png",
-            angle=turntable_angles(),
-        ),
-        masks=expand(
-            "resources/synthetic/mask2/{{name}}/{{name}}_r{angle}.png",
-            angle=turntable_angles(),
-        ),
+        images=[
+            f"resources/synthetic/png2/{{name}}/{file}"
+            for file in photograph_names("{name}")
+        ],
+        masks=[
+            f"resources/synthetic/mask2/{{name}}/{file}"
+            for file in photograph_names("{name}")
+        ],
         truth="resources/synthetic/truth/{name}.ply",
     log:
         "logs/synthetic/{name}.log",
