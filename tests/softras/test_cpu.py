@@ -1,7 +1,11 @@
 """The CPU kernel against the plain renderer in float64, and against itself on other threads."""
 
 import math
+import shutil
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -200,3 +204,38 @@ def test_memory_is_that_of_the_image():
         many = faces.repeat(50, 1)
         soft_silhouettes(points.requires_grad_(), many, size)
     assert sum(saved) <= points.numel() + many.numel() + 1.2 * size[0] * size[1]
+
+
+@pytest.mark.slow
+def test_an_edit_of_another_file_compiles_the_kernel_anew(tmp_path):
+    """numba keeps compiled functions by their own file; a constant of another is in them too."""
+    package = tmp_path / "silmesh"
+    source = Path(cpu.__file__).parents[1]
+    for file in ("__init__.py", *(f"softras/{p.name}" for p in source.glob("softras/*.py"))):
+        (package / file).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(source / file, package / file)
+    code = (
+        "import torch\n"
+        "from silmesh.softras import soft_silhouettes\n"
+        "points = torch.tensor([[[8.0, 8.0], [24.0, 8.0], [8.0, 24.0]]])\n"
+        "alpha = soft_silhouettes(points, torch.tensor([[0, 1, 2]]), (32, 32), sigma=1e-2)\n"
+        "print(alpha.count_nonzero().item())\n"
+    )
+
+    def covered():
+        done = subprocess.run(
+            [sys.executable, "-c", code],
+            env={"PYTHONPATH": str(tmp_path)},
+            check=True,
+            capture_output=True,
+            text=True,
+        )
+        return int(done.stdout)
+
+    before = covered()
+    constants = package / "softras" / "reference.py"
+    text = constants.read_text()
+    constants.write_text(text.replace("CUTOFF = math.log(1e4 - 1)", "CUTOFF = math.log(9)"))
+    assert covered() < before
+    constants.write_text(text)
+    assert covered() == before

@@ -16,9 +16,11 @@ Views are independent of each other and the faces of a view are visited in order
 the result is bitwise the same for any number of threads.
 """
 
+import hashlib
 import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +28,7 @@ import torch
 from numba import njit
 from torch import Tensor
 
+from silmesh.softras import lanes, reference
 from silmesh.softras.lanes import (
     COLUMNS,
     ROWS,
@@ -55,8 +58,8 @@ FAR = 1e9  # pixels: no bound
 SLACK = 0.01  # pixels: spans are wider by this, so that rounding loses no pixel
 LEVEL = 0.02  # an edge that rises less than this bounds no span
 
-# numba's cache on disk does not see edits of ``lanes`` or ``reference``: touch this file after them
-_jit = njit(nogil=True, cache=True, fastmath={"contract"}, error_model="numpy")
+OPTIONS = {"nogil": True, "fastmath": {"contract"}, "error_model": "numpy"}
+_jit = njit(**OPTIONS)
 
 
 class Edge(NamedTuple):
@@ -408,7 +411,7 @@ def _fill_gradient(points, faces, size, scale, weight, gradient):
 
 
 @_jit
-def _draw(points, faces, scale, product, alpha):
+def _fill_alpha(points, faces, scale, product, alpha):
     """P and alpha = 1 - 1 / P of one view, alpha [height, width]."""
     height, width = alpha.shape
     _fill_product(points, faces, (height, width), scale, product)
@@ -419,7 +422,7 @@ def _draw(points, faces, scale, product, alpha):
 
 
 @_jit
-def _draw_back(points, faces, scale, product, upstream, weight, gradient):
+def _fill_back(points, faces, scale, product, upstream, weight, gradient):
     """The gradient [verts, 2] of one view from that with respect to alpha [height, width]."""
     height, width = upstream.shape
     stride = width + COLUMNS
@@ -435,6 +438,31 @@ def _draw_back(points, faces, scale, product, upstream, weight, gradient):
     for vert in range(gradient.shape[0]):
         gradient[vert, 0] *= factor
         gradient[vert, 1] *= factor
+
+
+def _keep_compiled(code: str) -> tuple[Callable, Callable]:
+    """The two kernels that Python calls, kept on disk once they are compiled.
+
+    numba compiles anew what it has kept when the function's own file changed. Of the files that the
+    function's callees and constants come from it knows nothing; but what a function closes over is
+    in its key, so these close over a digest of those files.
+    """
+
+    @njit(cache=True, **OPTIONS)
+    def draw(points, faces, scale, product, alpha):
+        code  # noqa: B018
+        _fill_alpha(points, faces, scale, product, alpha)
+
+    @njit(cache=True, **OPTIONS)
+    def draw_back(points, faces, scale, product, upstream, weight, gradient):
+        code  # noqa: B018
+        _fill_back(points, faces, scale, product, upstream, weight, gradient)
+
+    return draw, draw_back
+
+
+_FILES = b"".join(Path(module.__file__).read_bytes() for module in (lanes, reference))
+_draw, _draw_back = _keep_compiled(hashlib.sha256(_FILES).hexdigest())
 
 
 def soft_silhouettes(points: Tensor, faces: Tensor, size: tuple[int, int], sigma: float) -> Tensor:
