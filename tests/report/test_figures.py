@@ -84,21 +84,6 @@ def test_a_variant_keeps_its_style_and_nine_differ():
     assert style_of("fine_2", ORDER)["color"] == COLOURS[1]
 
 
-def test_published_curves_are_dotted_in_the_variants_colour(losses):
-    published = pd.DataFrame(
-        {
-            "object": ["pot", "pot", "cup"],
-            "variant": ["fine_2", "fine_2", "fine_2"],
-            "iteration": [0, 100, 100],
-            "loss": [0.9, 0.3, 0.7],
-        }
-    )
-    (axes,) = draw_losses("pot", losses, ORDER, published).axes
-    (dotted,) = [line for line in axes.lines if line.get_linestyle() == ":"]
-    assert dotted.get_color() == COLOURS[1]
-    np.testing.assert_array_equal(dotted.get_xydata(), [[0, 0.9], [100, 0.3]])
-
-
 @pytest.mark.parametrize(
     ("wanted", "expected"),
     [

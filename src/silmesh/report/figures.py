@@ -45,19 +45,13 @@ def style_of(variant: str, order: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def draw_losses(
-    object_: str,
-    losses: Mapping[str, pd.DataFrame],
-    order: Sequence[str],
-    published: pd.DataFrame | None = None,
-) -> Figure:
+def draw_losses(object_: str, losses: Mapping[str, pd.DataFrame], order: Sequence[str]) -> Figure:
     """Draw an object's losses, a line a variant, each labelled at its end with its last value.
 
     Args:
         object_: the title
         losses: the ``loss.csv`` of each variant
         order: all variants of the configuration, which decide the styles
-        published: curves to compare with, drawn dotted: columns object, variant, iteration, loss
     """
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(8.4, 3.9))
@@ -68,22 +62,9 @@ def draw_losses(
             style = style_of(variant, order)
             axes.plot(loss["iteration"], loss["loss"], linewidth=1.6, **style)
             ends[f"{variant}  {loss['loss'].iloc[-1]:.4f}"] = (loss.iloc[-1], style)
-        if published is not None:
-            _draw_published(axes, published[published["object"] == object_], losses, order)
         _name_axes(axes, object_)
         _label_ends(axes, ends)
     return figure
-
-
-def _draw_published(
-    axes: Axes, published: pd.DataFrame, losses: Mapping[str, pd.DataFrame], order: Sequence[str]
-) -> None:
-    for variant, curve in published.groupby("variant", sort=False):
-        if variant in losses:
-            colour = style_of(str(variant), order)["color"]
-            axes.plot(curve["iteration"], curve["loss"], color=colour, linestyle=":", linewidth=1.3)
-    if published["variant"].isin(list(losses)).any():
-        axes.set_title("dotted: published", loc="right", fontsize=9, color=INK)
 
 
 def _name_axes(axes: Axes, object_: str) -> None:

@@ -16,12 +16,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--losses", type=Path, nargs="+", required=True, help="loss.csv of each")
     args.add_argument("--variants", nargs="+", required=True, help="their names, in that order")
     args.add_argument("--order", nargs="+", required=True, help="all variants; decides the colours")
-    args.add_argument("--published", type=Path, help="curves to draw dotted, as CSV")
     args.add_argument("--outputs", type=Path, nargs="+", required=True, help="to write: svg, png")
     given = args.parse_args(argv)
     losses = dict(zip(given.variants, map(pd.read_csv, given.losses), strict=True))
-    published = pd.read_csv(given.published) if given.published else None
-    figure = draw_losses(given.object, losses, given.order, published)
+    figure = draw_losses(given.object, losses, given.order)
     for output in given.outputs:
         write_figure(output, figure)
 
