@@ -5,7 +5,8 @@ import math
 import pytest
 import torch
 
-from silmesh.softras import render_colours, soft_silhouettes
+from silmesh.softras import soft_silhouettes
+from silmesh.softras.colours import render_colours
 
 FACE = torch.tensor([[0, 1, 2]])
 RED_GREEN_BLUE = torch.eye(3)[None]  # [faces, 3, 3]

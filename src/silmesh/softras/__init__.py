@@ -2,7 +2,8 @@
 
 ``soft_silhouettes`` is the entry for fitting. Its equations are in ``silmesh.softras.reference``,
 plain torch for any device and dtype; ``silmesh.softras.cpu`` holds the fast kernel for float32 on
-the CPU, tested against it. ``render_colours`` makes pictures.
+the CPU, tested against it. ``silmesh.softras.colours`` makes pictures; it is not
+imported here, so that an edit of it runs no fit again.
 """
 
 import math
@@ -11,9 +12,8 @@ import torch
 from torch import Tensor
 
 from silmesh.softras import cpu, reference
-from silmesh.softras.colours import render_colours
 
-__all__ = ["render_colours", "soft_silhouettes"]
+__all__ = ["soft_silhouettes"]
 
 
 def soft_silhouettes(
