@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import get_args
 
 from silmesh.config import NAME, SilhouetteSource
-from silmesh.errors import InputError
+from silmesh.errors import InputError, blaming
 from silmesh.synthetic import layout
 from silmesh.views import count_array_views, find_images, match_masks
 
@@ -133,7 +133,7 @@ def _parse_row(table: Path, line: int, row: Mapping[str, str]) -> Dataset:
             f"(not first), and not be {RESERVED!r}"
         )
     where += f" ({name})"
-    try:
+    with blaming(where):
         images = _find_images(table, row["images"])
         masks = _find_masks(table, row["masks"], images)
         cameras = resolve_cameras(table, row["cameras"])
@@ -148,8 +148,6 @@ def _parse_row(table: Path, line: int, row: Mapping[str, str]) -> Dataset:
             truth=_find_truth(table, row["truth"]) if row["truth"] else None,
             variants=tuple(dict.fromkeys(re.findall(r"[^,\s]+", row["variants"]))),
         )
-    except InputError as error:
-        raise InputError(f"{where}: {error}") from error
 
 
 def _beside(table: Path, path: str) -> Path:

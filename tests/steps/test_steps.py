@@ -208,6 +208,15 @@ def test_a_world_is_kept_if_asked(results, tmp_path):
     assert torch.equal(kept.t, turntable(COUNT, SIZE).t)
 
 
+def test_a_camera_inside_the_object_is_named_with_its_file(results, tmp_path):
+    near = turntable(COUNT, SIZE).in_world_of(Similarity(torch.zeros(3), 0.1))
+    write_cameras(tmp_path / "c.json", near)
+    argv = ["--silhouettes", results / "silhouettes", "--cameras", tmp_path / "c.json"]
+    with pytest.raises(InputError, match=r"c\.json: the camera of view 'v0' stands inside"):
+        scene.main([*map(str, argv), "--keep-world", "--output", str(tmp_path / "scene")])
+    assert not (tmp_path / "scene").exists()
+
+
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")
 def test_a_gpu_that_is_not_there_is_an_input_error(results, tmp_path):
     with pytest.raises(InputError, match="no GPU"):

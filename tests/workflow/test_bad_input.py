@@ -127,12 +127,14 @@ def test_views_and_cameras_that_differ_in_number(project):
 def test_a_camera_inside_the_object(project):
     project.edit("config/datasets.tsv", "2.732,0,90", "0.4,0,90")
     said = message(refusal(project))
+    assert said.startswith("silmesh: turntable 0.4,0,90 of results/cup/stages/views/32-pad: ")
     assert "'cup_r0' stands at distance 0.4 from the origin, inside the sphere" in said
 
 
 def test_a_loss_that_is_not_finite(project):
     project.edit("config/config.yaml", "3}\n  boxed", "3, sigma: 1e-300}\n  boxed")
     said = refusal(project, "results/cup/round/mesh.ply")
+    assert message(said).startswith("silmesh: cup/round: step 0 of the fit: loss ")
     assert "a loss is not finite. A smaller learning_rate" in message(said)
     assert list((project / "results/cup/round").glob("mesh*")) == []
 

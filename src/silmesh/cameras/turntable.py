@@ -16,7 +16,7 @@ import torch
 from torch import Tensor
 
 from silmesh.cameras.camera import OBJECT_RADIUS, Cameras
-from silmesh.errors import InputError
+from silmesh.errors import InputError, blaming
 
 HALF_ANGLE = 15.0  # degrees, from the image's centre to the middle of its side
 
@@ -102,7 +102,5 @@ def softras_cameras(path: Path, views: Sequence[str], size: int) -> Cameras:
         raise InputError(f"{path}: has {len(rows)} cameras, but there are {len(views)} views")
     if not np.isfinite(rows).all():
         raise InputError(f"{path}: row {int(np.argwhere(~np.isfinite(rows))[0, 0])} is not finite")
-    try:
+    with blaming(path):
         return orbit_cameras(views, size, *torch.tensor(rows, dtype=torch.float64).unbind(1))
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error

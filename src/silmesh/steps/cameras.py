@@ -6,6 +6,7 @@ from pathlib import Path
 from silmesh.cameras.camera import write_cameras
 from silmesh.cameras.formats import cameras_from_file
 from silmesh.cameras.turntable import turntable_cameras
+from silmesh.errors import blaming
 from silmesh.steps.command import parser, run
 from silmesh.views import read_views
 
@@ -30,7 +31,9 @@ def main(argv: Sequence[str] | None = None) -> None:
         cameras = cameras_from_file(given.file, views)
     else:
         names = [view.view for view in views]
-        cameras = turntable_cameras(names, views[0].size, *given.turntable)
+        numbers = ",".join(f"{number:g}" for number in given.turntable)
+        with blaming(f"turntable {numbers} of {given.views}"):
+            cameras = turntable_cameras(names, views[0].size, *given.turntable)
     write_cameras(given.output, cameras)
 
 

@@ -8,7 +8,7 @@ import pandas as pd
 import torch
 
 from silmesh.cameras.camera import write_cameras
-from silmesh.errors import InputError
+from silmesh.errors import InputError, blaming
 from silmesh.files import replacing
 from silmesh.fitting.loop import Record, Settings, fit
 from silmesh.meshes import read_mesh, to_tensors, write_mesh
@@ -48,14 +48,15 @@ def main(argv: Sequence[str] | None = None) -> None:
     silhouettes = torch.tensor(read_silhouettes(given.silhouettes, cameras.views)[kept])
     template, faces = (part.to(device) for part in to_tensors(read_mesh(given.first)))
     progress = Progress(given.name, settings.iterations)
-    verts, records = fit(
-        template,
-        faces,
-        cameras.select(kept),
-        silhouettes.to(device, torch.float32),
-        settings,
-        lambda record: progress(record.iteration + 1, f"loss {record.loss:.4f}"),
-    )
+    with blaming(given.name):
+        verts, records = fit(
+            template,
+            faces,
+            cameras.select(kept),
+            silhouettes.to(device, torch.float32),
+            settings,
+            lambda record: progress(record.iteration + 1, f"loss {record.loss:.4f}"),
+        )
 
     back = similarity.inverse
     write_mesh(given.meshes, back.apply(verts.double()), faces)

@@ -6,6 +6,7 @@ from pathlib import Path
 import torch
 
 from silmesh.cameras.camera import Similarity, read_cameras
+from silmesh.errors import blaming
 from silmesh.evaluation import coherence
 from silmesh.hull import carve
 from silmesh.scene import normalising, refuse_camera_inside, write_scene
@@ -25,9 +26,12 @@ def main(argv: Sequence[str] | None = None) -> None:
     torch.set_num_threads(given.threads)
     cameras = read_cameras(given.cameras)
     silhouettes = read_silhouettes(given.silhouettes, cameras.views)
-    similarity = Similarity.identity() if given.keep_world else normalising(cameras, silhouettes)
-    cameras = cameras.in_world_of(similarity)
-    refuse_camera_inside(cameras)
+    with blaming(given.cameras):
+        similarity = (
+            Similarity.identity() if given.keep_world else normalising(cameras, silhouettes)
+        )
+        cameras = cameras.in_world_of(similarity)
+        refuse_camera_inside(cameras)
     agreement = coherence(carve(silhouettes, cameras), cameras, silhouettes)
     write_scene(given.output, cameras, similarity, agreement)
 
