@@ -19,6 +19,14 @@ from silmesh.steps import silhouettes as silhouettes_step
 from silmesh.steps.command import run
 
 WIDTH, HEIGHT, SIZE, COUNT = 64, 48, 32, 8
+SETTINGS = {
+    "iterations": 40,
+    "learning_rate": 0.03,
+    "betas": (0.5, 0.99),
+    "sigma": 1e-4,
+    "laplacian": 0.03,
+    "flatten": 0.0003,
+}
 AXES, CENTRE = (30.0, 15.0, 20.0), (5.0, -3.0, 2.0)
 
 
@@ -85,8 +93,7 @@ def results(tmp_path_factory):
         **shared,
         first=out / "first.ply",
         scene=out / "scene",
-        iterations=40,
-        learning_rate=0.03,
+        **SETTINGS,
         holdout=4,
         device="cpu",
         threads=1,
@@ -102,6 +109,7 @@ def results(tmp_path_factory):
         loss=variant / "loss.csv",
         scene=out / "scene",
         truth=root / "truth.ply",
+        sigma=SETTINGS["sigma"],
         holdout=4,
         threads=1,
         results=out,
@@ -179,6 +187,7 @@ def test_silhouettes_may_lie_outside_the_results(results, tmp_path):
         cameras=variant / "cameras.json",
         loss=variant / "loss.csv",
         silhouettes=results / "silhouettes",
+        sigma=SETTINGS["sigma"],
         scene=results / "scene",
         results=results / "object",
         output=tmp_path / "metrics.json",
@@ -225,6 +234,7 @@ def test_a_gpu_that_is_not_there_is_an_input_error(results, tmp_path):
             silhouettes=results / "silhouettes",
             first=results / "first.ply",
             scene=results / "scene",
+            **SETTINGS,
             device="cuda",
             meshes=[tmp_path / "m.ply"],
             cameras=tmp_path / "c.json",

@@ -28,7 +28,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
     args.add_argument("--truth", type=Path, help="the true mesh, in the cameras' world")
     args.add_argument("--holdout", type=int, default=0, help="every n-th view was kept out")
-    args.add_argument("--sigma", type=float, default=1e-4, help="as in the fit")
+    args.add_argument("--sigma", type=float, required=True, help="as in the fit")
     args.add_argument("--threads", type=int, default=torch.get_num_threads())
     args.add_argument("--results", type=Path, default=Path("results"), help="for relative paths")
     args.add_argument("--output", type=Path, required=True, help="metrics.json to write")
