@@ -57,7 +57,7 @@ def carve(silhouettes: np.ndarray, cameras: Cameras, resolution: int = 128) -> H
         resolution: samples along each side of the box that the hull fills
     """
     far = REACH * max(silhouettes.shape[1:])
-    P = (cameras.K @ torch.cat([cameras.R, cameras.t.unsqueeze(-1)], dim=-1)).numpy()
+    P = cameras.projections.numpy()
     with ThreadPoolExecutor(torch.get_num_threads()) as pool:
         distances = np.stack(list(pool.map(lambda s: _signed_distance(s, far), silhouettes)))
         low, high = np.full(3, -1.6 * OBJECT_RADIUS), np.full(3, 1.6 * OBJECT_RADIUS)

@@ -56,6 +56,11 @@ class Cameras:
         """Where the cameras stand in the world: [views, 3]."""
         return -(self.R.mT @ self.t.unsqueeze(-1)).squeeze(-1)
 
+    @property
+    def projections(self) -> Tensor:
+        """Projection matrices K [R | t]: [views, 3, 4]."""
+        return self.K @ torch.cat([self.R, self.t.unsqueeze(-1)], dim=-1)
+
     def project(self, verts: Tensor) -> Tensor:
         """Project world points into every view.
 
@@ -66,7 +71,7 @@ class Cameras:
             ``verts``. A point that is not in front of a camera is NaN in that view, which leaves
             its faces out of the rendering, and passes no gradient.
         """
-        P = (self.K @ torch.cat([self.R, self.t.unsqueeze(-1)], dim=-1)).to(verts)
+        P = self.projections.to(verts)
         seen = verts @ P[:, :, :3].mT + P[:, None, :, 3]
         depth = seen[..., 2:]
         in_front = depth > 0

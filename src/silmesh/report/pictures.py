@@ -50,6 +50,11 @@ class Camera:
         crop = np.array([[scale, 0, -scale * left], [0, scale, -scale * top], [0, 0, 1]])
         return replace(self, K=crop @ self.K, size=size)
 
+    def project(self, verts: np.ndarray) -> np.ndarray:
+        """World points [verts, 3], all before the camera, in its image: [verts, 2] pixels."""
+        seen = (verts @ self.R.T + self.t) @ self.K.T
+        return seen[:, :2] / seen[:, 2:]
+
     def rays(self) -> tuple[np.ndarray, np.ndarray]:
         """Where the camera stands [3], and the way to each pixel's centre [size, size, 3]."""
         along = np.arange(self.size) + 0.5
@@ -123,9 +128,7 @@ def draw_edges(
     image: np.ndarray, mesh: trimesh.Trimesh, camera: Camera, hits: Hits, width: float
 ) -> None:
     """Darken the pixels of ``image`` that lie within half of ``width`` of an edge they see."""
-    seen = mesh.vertices @ camera.R.T + camera.t
-    points = (seen @ camera.K.T)[:, :2] / seen[:, 2:]
-    corners = points[mesh.faces[hits.faces]]  # [hits, 3, 2]
+    corners = camera.project(mesh.vertices)[mesh.faces[hits.faces]]  # [hits, 3, 2]
     pixels = np.argwhere(hits.mask)[:, None, ::-1] + 0.5
     edges = np.roll(corners, -1, axis=1) - corners
     off = pixels - corners
@@ -142,12 +145,12 @@ def raised(camera: Camera, mesh: trimesh.Trimesh) -> Camera:
     tilt = turn(np.radians(RAISE), [1, 0, 0]) @ turn(np.radians(TURN), [0, 1, 0])
     R = tilt[:3, :3] @ camera.R
     t = camera.R @ middle + camera.t - R @ middle
-    seen = mesh.vertices @ R.T + t
-    points = (seen @ camera.K.T)[:, :2] / seen[:, 2:]
+    above = replace(camera, R=R, t=t)
+    points = above.project(mesh.vertices)
     low, high = points.min(axis=0), points.max(axis=0)
     side = (1 + MARGIN) * (high - low).max()
     left, top = (low + high - side) / 2
-    return replace(camera, R=R, t=t).cropped(left, top, side, camera.size)
+    return above.cropped(left, top, side, camera.size)
 
 
 def frame(silhouette: np.ndarray) -> tuple[float, float, float]:
