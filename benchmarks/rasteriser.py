@@ -25,6 +25,7 @@ import numpy as np
 import torch
 from scipy.spatial import ConvexHull
 
+from silmesh.cameras.turntable import turntable_cameras
 from silmesh.softras import soft_silhouettes
 
 BASE = {"faces": 2700, "pixels": 256, "views": 8}
@@ -47,21 +48,11 @@ def make_sphere(faces: int) -> tuple[np.ndarray, torch.Tensor]:
     return 0.5 * verts, torch.tensor(ConvexHull(verts).simplices, dtype=torch.int64)
 
 
-def project(verts: np.ndarray, views: int, pixels: int) -> torch.Tensor:
-    """Points [views, verts, 2] of the sphere turned about the vertical axis."""
-    focal = pixels / 2 / math.tan(math.radians(15))
-    points = []
-    for angle in np.arange(views) * math.radians(5):
-        c, s = math.cos(angle), math.sin(angle)
-        x, y, z = (verts @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]])).T
-        points.append(np.stack([x, y], axis=1) * focal / (z + 2.732)[:, None] + pixels / 2)
-    return torch.tensor(np.stack(points), dtype=torch.float32)
-
-
 def measure(faces: int, pixels: int, views: int, repeats: int) -> dict:
     """Times in milliseconds a view of one scene."""
     verts, triangles = make_sphere(faces)
-    points = project(verts, views, pixels).requires_grad_()
+    cameras = turntable_cameras([f"{i}" for i in range(views)], pixels, 2.732, 0, 5)
+    points = cameras.project(torch.tensor(verts, dtype=torch.float32)).requires_grad_()
     upstream = torch.rand(views, pixels, pixels, generator=torch.Generator().manual_seed(0))
     times = []
     for _ in range(repeats + 2):  # the first two warm up
