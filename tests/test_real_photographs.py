@@ -44,7 +44,7 @@ def plane(data, tmp_path_factory):
 def first_loss(scene, vertices, align):
     cameras, seen = scene
     torch.set_num_threads(2)
-    first = to_tensors(first_mesh(vertices, align, seen))
+    first = to_tensors(first_mesh("sphere", vertices, align, seen))
     _, records = fit(*first, cameras, torch.tensor(seen, dtype=torch.float32), ONE_STEP)
     return records[0].iou_loss
 

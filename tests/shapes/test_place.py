@@ -53,13 +53,13 @@ def test_auto_takes_the_fewest_vertices_with_edges_of_5_pixels(radius, count):
     rows, columns = np.indices((256, 256)) + 0.5
     disc = (rows - 128) ** 2 + (columns - 128) ** 2 < radius**2
     assert choose_count(np.stack([disc, disc])) == count
-    assert len(first_mesh("auto", "none", disc[None]).vertices) == count
+    assert len(first_mesh("sphere", "auto", "none", disc[None]).vertices) == count
 
 
 @pytest.mark.parametrize("count", [642, "642"])
 def test_the_first_mesh_is_aligned_to_the_first_silhouette(count):
     views = np.stack([box(256, 30, 100, 90, 220), box(256, 0, 0, 9, 9)])
     expected = align_to_box(unit_sphere(642).vertices, views[0])
-    np.testing.assert_allclose(first_mesh(count, "bbox", views).vertices, expected)
-    plain = first_mesh(count, "none", views)
+    np.testing.assert_allclose(first_mesh("sphere", count, "bbox", views).vertices, expected)
+    plain = first_mesh("sphere", count, "none", views)
     np.testing.assert_allclose(plain.vertices, unit_sphere(642).vertices)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from silmesh.cameras.camera import read_cameras
 from silmesh.files import replacing
-from silmesh.shapes.first import first_mesh
+from silmesh.shapes.first import SHAPES, first_mesh
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import parser, run
 
@@ -15,13 +15,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     args = parser(__doc__)
     args.add_argument("--silhouettes", type=Path, required=True, help="folder of the silhouettes")
     args.add_argument("--cameras", type=Path, required=True, help="cameras.json, normalised")
-    args.add_argument("--shape", choices=["sphere"], required=True)
+    args.add_argument("--shape", choices=list(SHAPES), required=True)
     args.add_argument("--vertices", required=True, help="a number, or auto")
     args.add_argument("--align", choices=["none", "bbox"], required=True)
     args.add_argument("--output", type=Path, required=True, help="PLY to write")
     given = args.parse_args(argv)
     silhouettes = read_silhouettes(given.silhouettes, read_cameras(given.cameras).views)
-    mesh = first_mesh(given.vertices, given.align, silhouettes)
+    mesh = first_mesh(given.shape, given.vertices, given.align, silhouettes)
     with replacing(given.output) as part:
         mesh.export(part)
 

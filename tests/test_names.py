@@ -1,0 +1,20 @@
+"""Names that the configuration lists, since it imports nothing heavy, and what answers to them."""
+
+from typing import get_args, get_type_hints
+
+from silmesh.config import Init, SilhouetteSource
+from silmesh.shapes.first import SHAPES
+from silmesh.silhouettes import SOURCES
+from silmesh.synthetic import layout, make
+
+
+def test_every_source_of_silhouettes_can_be_configured():
+    assert set(get_args(SilhouetteSource)) == set(SOURCES)
+
+
+def test_every_first_mesh_can_be_configured():
+    assert set(get_args(get_type_hints(Init)["shape"])) == set(SHAPES)
+
+
+def test_every_made_up_object_is_promised():
+    assert set(layout.OBJECTS) == set(make._MODULES)
