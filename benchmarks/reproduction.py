@@ -28,7 +28,7 @@ def main() -> None:
     given = args.parse_args()
     ours, published = pd.read_csv(given.losses), pd.read_csv(given.published)
     curves = [
-        (f"{a[0]}: {what}", _curve(ours, *a, "iou_loss"), _curve(published, *b, "loss"))
+        (f"{a[0]}: {what}", _curve(ours, *a, "loss"), _curve(published, *b, "loss"))
         for a, b, what in PAIRS
     ]
     print("\n".join(_table(curves)))
@@ -62,7 +62,7 @@ def _draw(curves: list[tuple[str, pd.Series, pd.Series]]) -> Figure:
         axes.set(title=title, xlabel="iteration", ylim=(0, None))
         axes.grid(alpha=0.3)
         axes.legend()
-    figure.axes[0].set_ylabel("IoU loss")
+    figure.axes[0].set_ylabel("loss")
     return figure
 
 

@@ -96,3 +96,9 @@ def test_held_out_views_are_told_apart():
     assert summarise_iou(iou, [1, 3]) == pytest.approx(expected)
     assert summarise_iou(iou, [])["iou_holdout"] is None
     assert summarise_iou(iou, [])["iou_mean"] == pytest.approx(0.5)
+
+
+def test_an_open_truth_has_no_volume():
+    ball = trimesh.creation.icosphere(3)
+    bowl = trimesh.Trimesh(ball.vertices, ball.faces[ball.triangles_center[:, 1] < 0])
+    assert compare_to_truth(ball, bowl)["volume_iou"] is None

@@ -63,14 +63,14 @@ def coherence(hull: Hull, cameras: Cameras, silhouettes: np.ndarray) -> np.ndarr
     )
 
 
-def compare_to_truth(mesh: trimesh.Trimesh, truth: trimesh.Trimesh) -> dict[str, float]:
+def compare_to_truth(mesh: trimesh.Trimesh, truth: trimesh.Trimesh) -> dict[str, float | None]:
     """Compare a mesh with the true one, in the same frame.
 
     Returns:
         ``chamfer``: mean distance from a point of one surface to the nearest sampled point of the
         other, averaged over both directions, in units of the frame; ``f_score``: harmonic mean of
         the shares of points within 1 % of the truth's diagonal; ``volume_iou``: of the two solids,
-        by points in the box about both; ``normal_consistency``: mean absolute cosine between the
+        by points in the box about both, None if one is not closed; ``normal_consistency``: mean absolute cosine between the
         normals at nearest points, over both directions
     """
     points, normals = zip(*(_sample_surface(m) for m in (mesh, truth)), strict=True)
@@ -95,7 +95,12 @@ def _sample_surface(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
     return points, mesh.face_normals[faces]
 
 
-def _volume_iou(*meshes: trimesh.Trimesh) -> float:
+def _volume_iou(*meshes: trimesh.Trimesh) -> float | None:
+    meshes = tuple(mesh.copy() for mesh in meshes)
+    for mesh in meshes:  # files that keep a vertex for each face or texture corner are closed too
+        mesh.merge_vertices(merge_tex=True, merge_norm=True)
+    if not all(mesh.is_watertight for mesh in meshes):
+        return None
     corners = np.stack([mesh.bounds for mesh in meshes])
     low, high = corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
     points = np.random.default_rng(0).uniform(low, high, (VOLUME_SAMPLES, 3))
