@@ -70,8 +70,8 @@ def compare_to_truth(mesh: trimesh.Trimesh, truth: trimesh.Trimesh) -> dict[str,
         ``chamfer``: mean distance from a point of one surface to the nearest sampled point of the
         other, averaged over both directions, in units of the frame; ``f_score``: harmonic mean of
         the shares of points within 1 % of the truth's diagonal; ``volume_iou``: of the two solids,
-        by points in the box about both, None if one is not closed; ``normal_consistency``: mean absolute cosine between the
-        normals at nearest points, over both directions
+        by points in the box about both, None if one is not closed; ``normal_consistency``: mean
+        absolute cosine between the normals at nearest points, over both directions
     """
     points, normals = zip(*(_sample_surface(m) for m in (mesh, truth)), strict=True)
     near = F_SCORE_DISTANCE * float(np.linalg.norm(truth.extents))
