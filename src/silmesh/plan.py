@@ -145,6 +145,11 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
         except InputError as error:
             raise InputError(f"{where}: variants.{name}.{error}") from error
     silhouettes = variant.silhouettes or dataset.silhouettes
+    if silhouettes == "mask" and dataset.images[0].suffix == ".npy":
+        raise InputError(
+            f"{dataset.where}: silhouettes are 'mask' (variant {name!r}), but an array of images "
+            "has its masks in its alpha channel; should be 'alpha'"
+        )
     if silhouettes == "mask" and not dataset.masks:
         raise InputError(
             f"{dataset.where}: silhouettes are 'mask' (variant {name!r}), but masks is empty; "
