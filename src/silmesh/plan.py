@@ -113,6 +113,10 @@ class Plan:
         """The run of an object with a variant."""
         return self._first(object_, lambda run: run.variant == variant)
 
+    def of_object(self, object_: str) -> Dataset:
+        """The row of an object."""
+        return self._first(object_, lambda run: True).dataset
+
     def with_key(self, object_: str, stage: str, key: str) -> Run:
         """A run of this object whose stage (``views``, ``silhouettes``, ...) has this key."""
         return self._first(object_, lambda run: getattr(run, f"{stage}_key") == key)
