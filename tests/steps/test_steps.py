@@ -288,7 +288,7 @@ def test_a_full_disk_is_told_of_without_a_traceback(tmp_path, capsys):
 
     with pytest.raises(SystemExit):
         run(main)
-    assert capsys.readouterr().err == "silmesh: writing: No space left on device\n"
+    assert capsys.readouterr().err == f"silmesh: {tmp_path / 'out'}: No space left on device\n"
     assert list(tmp_path.iterdir()) == []
 
 

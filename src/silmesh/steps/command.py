@@ -27,5 +27,5 @@ def run(main: Callable[[Sequence[str] | None], None]) -> None:
     except OSError as error:
         if error.errno not in NOT_OURS:
             raise
-        print(f"silmesh: {error.filename or 'writing'}: {error.strerror}", file=sys.stderr)
+        print(f"silmesh: {error.filename}: {error.strerror}", file=sys.stderr)
         sys.exit(1)
