@@ -177,6 +177,6 @@ def test_a_wrong_section_is_named(text, message):
 def test_a_variants_name_makes_a_folder(name):
     values = {"datasets": "t", "variants": {True if name == "yes" else name: {}}}
     with pytest.raises(
-        InputError, match="this name should be made of letters, digits, '_' and '-'"
+        InputError, match="this name should be made of at most 80 letters, digits, '_' and '-'"
     ):
         parse_config(values, "my.yaml")

@@ -163,7 +163,8 @@ def test_a_missing_column(table, column):
         (HEADER + line() + line(), "line 3: object 'cup' is also on line 2"),
         (HEADER + "\n" + line() + "\n" + line(), "line 5: object 'cup' is also on line 3"),
         (HEADER + line(variants="\t\t"), "line 2: has 10 cells under 8 columns"),
-        ((HEADER + line()).encode("utf-16"), "cannot be read as a tab-separated table"),
+        ((HEADER + line()).encode("utf-16"), "cannot be read as a tab-separated table in UTF-8"),
+        (HEADER + line(images='"photos') + line(object="b"), "line 2: a cell opens with '\"' that"),
     ],
 )
 def test_a_wrong_table(table, text, message):
@@ -174,14 +175,17 @@ def test_a_table_that_is_not_there(tmp_path):
     with pytest.raises(InputError) as caught:
         read_datasets(tmp_path / "no.tsv")
     assert str(caught.value) == (
-        f"{tmp_path}/no.tsv: cannot be read as a tab-separated table: No such file or directory"
+        f"{tmp_path}/no.tsv: cannot be read as a tab-separated table in UTF-8: "
+        "No such file or directory"
     )
 
 
-@pytest.mark.parametrize("name", ["", "a b", "a/b", "..", "ä", "report", "# note", "a.b"])
+@pytest.mark.parametrize("name", ["", "a" * 81, "a b", "a/b", "..", "ä", "report", "# note", "a.b"])
 def test_a_wrong_name(table, name):
     message = refusal(table, HEADER + line(object=name))
-    assert message.startswith(f", line 2: object {name!r} should be made of letters, digits")
+    assert message.startswith(
+        f", line 2: object {name!r} should be made of at most 80 letters, digits"
+    )
 
 
 @pytest.mark.parametrize(
@@ -192,7 +196,13 @@ def test_a_wrong_name(table, name):
         ({"images": "photos/*.xyz"}, "photos/*.xyz: matches no file"),
         ({"images": "empty"}, "empty: has no image (.png, .jpg, "),
         ({"images": "one"}, "one: holds 1 photograph; a fit needs at least 2"),
-        ({"images": "photos/cup_r0.png"}, "cup_r0.png: holds 1 photograph; a fit needs at least 2"),
+        ({"images": "photos/cup_r0.png"}, "cup_r0.png: is 1 photograph; a fit needs at least 2"),
+        ({"images": "no.npy", "masks": ""}, "no.npy: is not there"),
+        ({"images": "~nobody-of-this-name/photos"}, "~nobody-of-this-name/photos: is not there"),
+        ({"images": "newline"}, "newline/\\nb.png': a path with '\\n' cannot be used; rename it"),
+        ({"masks": "photos"}, "photos/cup_r0.png: is a photograph and its own mask"),
+        ({"cameras": "file:photos"}, "photos: is not there"),
+        ({"turntable": "600,10,5"}, "a distance of 600 is too far; its unit is the object's size"),
         ({"images": "**/cup_r0.png"}, "cup_r0.png: has the same name, 'cup_r0', as "),
         ({"images": "a {cup}"}, "a {cup}: a path with '{' or '}' cannot be used"),
         ({"images": "braces"}, "braces/{0}.png: a path with '{' or '}' cannot be used"),
@@ -218,6 +228,7 @@ def test_a_wrong_cell(table, cells, message):
     draw(table.parent / "one", STEMS[:1])
     draw(table.parent / "two", STEMS[:2])
     draw(table.parent / "braces", ["{0}", "{1}"])
+    draw(table.parent / "newline", ["a", "\nb"])
     found = refusal(table, HEADER + line(**cells))
     assert found.startswith(", line 2 (cup): ")
     assert message in found
@@ -231,7 +242,7 @@ def test_a_turntable_of_another_form(table, cell):
 
 @pytest.mark.parametrize(
     "cell",
-    ["0,0,5", "-1,0,5", "nan,0,5", "inf,0,5", "2,91,5", "2,nan,5", "2,0,0", "2,0,nan", "2,0,361"],
+    ["0,0,5", "-1,0,5", "nan,0,5", "2,91,5", "2,nan,5", "2,0,0", "2,0,nan", "2,0,361"],
 )
 def test_a_turntable_of_wrong_numbers(table, cell):
     message = refusal(table, HEADER + line(turntable=cell))
@@ -265,6 +276,14 @@ def test_a_truncated_array(table, size):
     os.truncate(file, size if size >= 0 else file.stat().st_size + size)
     cells = {"images": "source.npy", "masks": "", "silhouettes": "alpha"}
     assert "source.npy: cannot be read as a .npy array" in refusal(table, HEADER + line(**cells))
+
+
+def test_a_folder_that_may_not_be_read(table, monkeypatch):
+    def refuse(path):
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "iterdir", refuse)
+    assert "photos: cannot be read: Permission denied" in refusal(table, HEADER + line())
 
 
 def test_an_array_takes_no_masks(table):

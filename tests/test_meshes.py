@@ -4,7 +4,7 @@ import torch
 import trimesh
 
 from silmesh.errors import InputError
-from silmesh.meshes import read_mesh, to_tensors, write_mesh
+from silmesh.meshes import read_mesh, refuse_flat, to_tensors, write_mesh
 from silmesh.shapes.sphere import unit_sphere
 
 
@@ -33,6 +33,18 @@ def test_what_is_no_mesh_is_named(tmp_path, text):
         path.write_text(text)
     with pytest.raises(InputError, match=r"truth\.ply: "):
         read_mesh(path)
+
+
+def test_a_vertex_that_is_not_finite_is_refused(tmp_path):
+    (tmp_path / "truth.obj").write_text("v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    with pytest.raises(InputError, match=r"truth\.obj: holds a vertex that is not finite"):
+        read_mesh(tmp_path / "truth.obj")
+
+
+def test_a_mesh_without_area_is_refused(tmp_path):
+    flat = trimesh.Trimesh([[0, 0, 0], [1, 1, 1], [2, 2, 2]], [[0, 1, 2]], process=False)
+    with pytest.raises(InputError, match=r"truth\.ply: its 1 triangles have no area"):
+        refuse_flat(tmp_path / "truth.ply", flat)
 
 
 def test_points_alone_are_no_mesh(tmp_path):

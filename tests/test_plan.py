@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from PIL import Image
@@ -23,6 +24,7 @@ def plan(tmp_path: Path, monkeypatch):
             Image.new("L", (4, 4)).save(f"{folder}/{i}.png")
     Path("camera.npy").touch()
     Path("cameras.json").touch()
+    np.save("source.npy", np.zeros((2, 4, 4, 4), np.uint8))
 
     def of(variants: str, *rows: str, views: str = "{}") -> Plan:
         rows = rows or ("cup\tphotos\tmasks\tmask\tturntable\t2.7,0,5\t",)
@@ -116,6 +118,11 @@ def test_a_row_names_its_variants(plan):
             "a: {silhouettes: alpha}, b: {silhouettes: mask}",
             "cup\tphotos\t\talpha\tturntable\t2.7,0,5\t",
             "list.tsv, line 2 (cup): silhouettes are 'mask' (variant 'b'), but masks is empty",
+        ),
+        (
+            "a: {}",
+            "cup\tsource.npy\t\tmask\tturntable\t2.7,0,5\t",
+            "list.tsv, line 2 (cup): silhouettes are 'mask' (variant 'a'), but an array of images",
         ),
         (
             "a: {}",

@@ -186,8 +186,12 @@ def test_masks_are_matched_by_stem(tmp_path):
     images = [tmp_path / "png2" / name for name in ("a.jpg", "b.png")]
     masks = [tmp_path / "mask2" / name for name in ("b.png", "a.png")]
     assert match_masks(images, masks) == [masks[1], masks[0]]
-    with pytest.raises(InputError, match=r"b\.png: has no mask of the same name in .*mask2"):
+    with pytest.raises(
+        InputError, match=r"b\.png: has no mask of the same name in .*mask2; .* there is a\.png"
+    ):
         match_masks(images, masks[1:])
+    with pytest.raises(InputError, match=r"b\.png: is a photograph and its own mask"):
+        match_masks(images, [masks[1], images[1]])
     with pytest.raises(InputError, match=r"2 photographs without a mask"):
         match_masks(images, [tmp_path / "other.png"])
     with pytest.raises(InputError, match=r"b\.png: has no photograph of the same name in .*png2"):

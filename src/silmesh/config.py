@@ -21,7 +21,7 @@ from pydantic import (
 
 from silmesh.errors import InputError
 
-NAME = r"[A-Za-z0-9_][A-Za-z0-9_-]*"  # of objects and variants
+NAME = r"[A-Za-z0-9_][A-Za-z0-9_-]{0,79}"  # of objects and variants; paths join two of them
 STAGES = "stages"  # the folder beside an object's variants that holds what they share
 
 
@@ -32,7 +32,9 @@ def _whole(least: int, most: int) -> Any:
 
 # A type's last part says in words what a value should be, for messages.
 Name = Annotated[
-    str, StringConstraints(pattern=f"^{NAME}$"), "made of letters, digits, '_' and '-' (not first)"
+    str,
+    StringConstraints(pattern=f"^{NAME}$"),
+    "made of at most 80 letters, digits, '_' and '-' (not first)",
 ]
 Resize = Literal["pad", "stretch"]
 SilhouetteSource = Literal["mask", "alpha", "threshold"]

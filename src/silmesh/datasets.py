@@ -19,6 +19,8 @@ OPTIONAL = ("masks", "turntable", "truth", "variants")
 COLUMNS = REQUIRED + OPTIONAL
 RESERVED = "report"  # a folder of results/
 FEWEST_VIEWS = 2
+UNPRINTABLE = r"[\x00-\x1f\x7f\ud800-\udfff]"  # control characters, bytes that are no UTF-8
+FARTHEST = 100  # distance of a turntable's camera at which the object is 2 % of the picture
 
 
 @dataclass(frozen=True)
@@ -89,13 +91,17 @@ def _read_rows(table: Path) -> list[tuple[int, dict[str, str]]]:
             lines = list(csv.reader(file, delimiter="\t"))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         why = getattr(error, "strerror", None) or error  # the path is said already
-        raise InputError(f"{table}: cannot be read as a tab-separated table: {why}") from error
+        raise InputError(
+            f"{table}: cannot be read as a tab-separated table in UTF-8: {why}"
+        ) from error
     header = [name.strip() for name in lines[0]] if lines else []
     _check_header(table, header)
     rows = []
     for number, cells in enumerate(lines[1:], start=2):
         if not any(cell.strip() for cell in cells):
             continue
+        if any("\n" in cell or "\r" in cell for cell in cells):
+            raise InputError(f"{table}, line {number}: a cell opens with '\"' that does not close")
         if len(cells) > len(header):
             raise InputError(
                 f"{table}, line {number}: has {len(cells)} cells under {len(header)} columns; "
@@ -129,7 +135,7 @@ def _parse_row(table: Path, line: int, row: Mapping[str, str]) -> Dataset:
     name = row["object"]
     if not re.fullmatch(NAME, name) or name == RESERVED:
         raise InputError(
-            f"{where}: object {name!r} should be made of letters, digits, '_' and '-' "
+            f"{where}: object {name!r} should be made of at most 80 letters, digits, '_' and '-' "
             f"(not first), and not be {RESERVED!r}"
         )
     where += f" ({name})"
@@ -152,12 +158,15 @@ def _parse_row(table: Path, line: int, row: Mapping[str, str]) -> Dataset:
 
 def _beside(table: Path, path: str) -> Path:
     """A path of the table, which is relative to the table itself."""
-    return _without_braces(Path(os.path.normpath(table.parent / Path(path).expanduser())))
+    return _usable(Path(os.path.normpath(table.parent / os.path.expanduser(path))))
 
 
-def _without_braces(path: Path) -> Path:
+def _usable(path: Path) -> Path:
+    """The path, if rules and figures can be made of it."""
     if set("{}") & set(str(path)):
         raise InputError(f"{path}: a path with '{{' or '}}' cannot be used: Snakemake's wildcards")
+    if bad := re.search(UNPRINTABLE, str(path)):
+        raise InputError(f"{str(path)!r}: a path with {bad[0]!r} cannot be used; rename it")
     return path
 
 
@@ -168,12 +177,16 @@ def _find_images(table: Path, cell: str) -> tuple[Path, ...]:
     if made := layout.promised_files(path):
         return made
     if path.suffix != ".npy":
-        images = tuple(map(_without_braces, find_images(path)))
+        images = tuple(map(_usable, find_images(path)))
         count = len(images)
     else:
         images, count = (path,), count_array_views(path)
     if count < FEWEST_VIEWS:
-        raise InputError(f"{path}: holds {count} photograph; a fit needs at least {FEWEST_VIEWS}")
+        what = "is" if images == (path,) and path.suffix != ".npy" else "holds"
+        raise InputError(
+            f"{path}: {what} {count} photograph; a fit needs at least {FEWEST_VIEWS}, "
+            "from a folder, a glob or a SoftRas .npy"
+        )
     return images
 
 
@@ -201,8 +214,8 @@ def resolve_cameras(table: Path, cell: str) -> str:
     kind, _, name = cell.partition(":")
     if kind != "file" or not name:
         raise InputError(f"cameras: should be 'turntable' or 'file:<path>', not {cell!r}")
-    path = _beside(table, name)
-    if not path.exists():
+    path = _beside(table, name.strip())
+    if not path.is_file():
         raise InputError(f"cameras: {path}: is not there")
     return f"file:{path}"
 
@@ -214,7 +227,12 @@ def _parse_turntable(cell: str) -> Turntable:
         raise InputError(
             f"turntable: should be distance,elevation,step, for example 2.732,0,5, not {cell!r}"
         ) from error
-    if not (0 < distance < float("inf") and -90 <= elevation <= 90 and 0 < abs(step) <= 360):
+    if distance > FARTHEST:
+        raise InputError(
+            f"turntable: {cell!r}: a distance of {distance:g} is too far; its unit is the object's "
+            "size, whatever it is in metres. The report's is 2.732"
+        )
+    if not (distance > 0 and -90 <= elevation <= 90 and 0 < abs(step) <= 360):
         raise InputError(
             f"turntable: {cell!r}: should have a positive distance, an elevation of -90 to 90 "
             "degrees, and a step of at most 360 degrees that is not 0"

@@ -27,6 +27,9 @@ def replacing(path: Path | str) -> Iterator[Path]:
         if path.is_dir() or part.is_dir():
             remove(path)
         os.replace(part, path)
+    except OSError as error:
+        error.filename = error.filename or str(path)  # a full disk does not say of which file
+        raise
     finally:
         remove(part)
 

@@ -16,7 +16,7 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
     """Read a mesh as it is, its vertices neither merged nor reordered.
 
     Raises:
-        InputError: it cannot be read, or has no face
+        InputError: it cannot be read, has no face, or a vertex that is not finite
     """
     try:
         mesh = trimesh.load_mesh(path, process=False)
@@ -24,7 +24,15 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
         raise InputError(f"{path}: cannot be read as a mesh: {error}") from error
     if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
         raise InputError(f"{path}: holds no triangle")
+    if not np.isfinite(mesh.vertices).all():
+        raise InputError(f"{path}: holds a vertex that is not finite")
     return mesh
+
+
+def refuse_flat(path: Path, mesh: trimesh.Trimesh) -> None:
+    """Refuse a mesh whose triangles have no area, so that no point can be sampled on them."""
+    if not mesh.area > 0:
+        raise InputError(f"{path}: its {len(mesh.faces)} triangles have no area")
 
 
 def to_tensors(mesh: trimesh.Trimesh) -> tuple[Tensor, Tensor]:

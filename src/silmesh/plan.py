@@ -113,6 +113,10 @@ class Plan:
         """The run of an object with a variant."""
         return self._first(object_, lambda run: run.variant == variant)
 
+    def of_object(self, object_: str) -> Dataset:
+        """The row of an object."""
+        return self._first(object_, lambda run: True).dataset
+
     def with_key(self, object_: str, stage: str, key: str) -> Run:
         """A run of this object whose stage (``views``, ``silhouettes``, ...) has this key."""
         return self._first(object_, lambda run: getattr(run, f"{stage}_key") == key)
@@ -145,6 +149,11 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
         except InputError as error:
             raise InputError(f"{where}: variants.{name}.{error}") from error
     silhouettes = variant.silhouettes or dataset.silhouettes
+    if silhouettes == "mask" and dataset.images[0].suffix == ".npy":
+        raise InputError(
+            f"{dataset.where}: silhouettes are 'mask' (variant {name!r}), but an array of images "
+            "has its masks in its alpha channel; should be 'alpha'"
+        )
     if silhouettes == "mask" and not dataset.masks:
         raise InputError(
             f"{dataset.where}: silhouettes are 'mask' (variant {name!r}), but masks is empty; "

@@ -86,22 +86,28 @@ def find_images(pattern: Path) -> list[Path]:
     Raises:
         InputError: the folder is not there, nothing matches, or two files have the same stem
     """
-    if pattern.is_dir():
-        files = [p for p in pattern.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file()]
-        files = [p for p in files if not p.name.startswith(".")]
-        lacking = f"has no image ({', '.join(SUFFIXES)})"
-    elif re.search(r"[*?\[]", str(pattern)):
-        anchor = Path(pattern.anchor)
-        files = [p for p in anchor.glob(str(pattern.relative_to(anchor))) if p.is_file()]
-        lacking = "matches no file"
-    else:
-        files = [pattern] if pattern.is_file() else []
-        lacking = "is not there" if not files else ""
+    try:
+        files, lacking = _match_files(pattern)
+    except OSError as error:
+        raise InputError(f"{pattern}: cannot be read: {error.strerror}") from error
     if not files:
         raise InputError(f"{pattern}: {lacking}")
     files = sorted(sorted(files), key=natural_key)  # r5 and r05 in an order of their own
     _refuse_equal_stems(files)
     return files
+
+
+def _match_files(pattern: Path) -> tuple[list[Path], str]:
+    """The files that a folder, a glob or a file's own path gives; what to say if there is none."""
+    if pattern.is_dir():
+        files = [p for p in pattern.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file()]
+        files = [p for p in files if not p.name.startswith(".")]
+        return files, f"has no image ({', '.join(SUFFIXES)})"
+    if re.search(r"[*?\[]", str(pattern)):
+        anchor = Path(pattern.anchor)
+        files = [p for p in anchor.glob(str(pattern.relative_to(anchor))) if p.is_file()]
+        return files, "matches no file"
+    return [pattern] if pattern.is_file() else [], "is not there"
 
 
 def _refuse_equal_stems(files: Sequence[Path]) -> None:
@@ -119,14 +125,17 @@ def match_masks(images: Sequence[Path], masks: Sequence[Path]) -> list[Path]:
     """The mask of each image, by the stem of its name.
 
     Raises:
-        InputError: images without a mask, or masks without an image
+        InputError: images without a mask, masks without an image, or images as their own masks
     """
+    if own := sorted(set(images) & set(masks)):
+        raise InputError(f"{own[0]}: is a photograph and its own mask; masks lie in another folder")
     by_stem = {mask.stem: mask for mask in masks}
     stems = {image.stem for image in images}
     if bare := [image for image in images if image.stem not in by_stem]:
         raise InputError(
             f"{bare[0]}: has no mask of the same name in {masks[0].parent}"
             + _and_others(len(bare), "photographs without a mask")
+            + f"; the first one there is {masks[0].name}"
         )
     if spare := [mask for mask in masks if mask.stem not in stems]:
         raise InputError(
@@ -152,6 +161,8 @@ def count_array_views(path: Path) -> int:
 def _open_array(path: Path) -> np.ndarray:
     try:
         array = np.lib.format.open_memmap(path, mode="r")
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: is not there") from error
     except (OSError, ValueError, EOFError) as error:
         raise InputError(f"{path}: cannot be read as a .npy array: {error}") from error
     if array.ndim != 4 or array.shape[1] != 4 or array.dtype != np.uint8 or 0 in array.shape:

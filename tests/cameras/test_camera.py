@@ -116,8 +116,8 @@ ROW = {
         ({"K": [[9, 0, 2], [1, 9, 1], [0, 0, 1]]}, "K should be"),
         ({"K": [[9, 0, 2], [0, 9, 1], [0, 0, 2]]}, "K should be"),
         ({"R": [[1, 0, 0], [0, 1, 0], [0, 0, -1]]}, "R should be a rotation"),
-        ({"R": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]}, "R should be a rotation"),
-        ({"t": [0, 0, math.inf]}, "t should be finite"),
+        ({"R": [[2, 0, 0], [0, 1, 0], [0, 0, 1]]}, "R should be a rotation.* off by 3, det R = 2"),
+        ({"t": [0, 0, math.inf]}, r"t should be finite numbers, not \[0.0, 0.0, inf\]"),
         ({"t": ["x", 0, 0]}, "t should be numbers"),
         ({"width": 0}, "width and height should be"),
         ({"height": 2.5}, "width and height should be"),
@@ -129,6 +129,13 @@ def test_a_wrong_camera_is_named(tmp_path, change, message):
     with pytest.raises(InputError, match=message) as error:
         read_cameras(path)
     assert f"{path}: camera 1 (b)" in str(error.value)
+
+
+def test_a_rotation_of_four_decimals_and_a_byte_order_mark_are_read(tmp_path):
+    turned = [[0.9553, 0, -0.2955], [0, 1, 0], [0.2955, 0, 0.9553]]  # by 0.3 radians
+    text = json.dumps([ROW | {"R": turned}])
+    (tmp_path / "cameras.json").write_text(text, encoding="utf-8-sig")
+    assert read_cameras(tmp_path / "cameras.json").R[0].tolist() == turned
 
 
 @pytest.mark.parametrize(

@@ -58,6 +58,13 @@ def test_a_turntable_is_softras_npy(tmp_path):
     torch.testing.assert_close(read.t, made.t, rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.parametrize("kind", [">f4", ">i2", "u2", "f2", "longdouble"])
+def test_an_npy_of_any_kind_of_number(tmp_path, kind):
+    np.save(tmp_path / "camera.npy", np.array([[3, 0, 0], [3, 0, 90]], kind))
+    read = softras_cameras(tmp_path / "camera.npy", names(2), 32)
+    torch.testing.assert_close(read.centres[1], torch.tensor([3.0, 0, 0], dtype=torch.float64))
+
+
 @pytest.mark.parametrize("distance", [0.5, 0.1, -2, math.nan])
 def test_a_camera_inside_the_object_is_refused(distance):
     with pytest.raises(InputError, match=r"'v0' stands at distance .* inside"):
@@ -70,6 +77,7 @@ def test_a_camera_inside_the_object_is_refused(distance):
         (np.zeros((4, 2)), r"should hold \[views, 3\] numbers.*not \[4, 2\] of float64"),
         (np.zeros(3), r"not \[3\]"),
         (np.array([["a", "b", "c"]]), "should hold"),
+        (np.full((4, 3), 2j), "should hold .* not .* of complex128"),
         (np.array([[None] * 3]), "cannot be read"),
         (np.ones((2, 3)), "has 2 cameras, but there are 4 views"),
         (np.full((4, 3), np.nan), "row 0 is not finite"),

@@ -72,7 +72,12 @@ def test_a_photograph_without_alpha_is_named(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("mask", "message"), [(np.zeros((48, 64), bool), "empty"), (np.ones((48, 64), bool), "fills")]
+    ("mask", "message"),
+    [
+        (np.zeros((48, 64), bool), "empty; .* white in its mask"),
+        (np.ones((48, 64), bool), "fills"),
+        (~BLOCK, "border all around; it may be inverted"),
+    ],
 )
 def test_an_empty_or_full_mask_is_named_and_nothing_is_left(tmp_path, mask, message):
     views = photographs(tmp_path, *np.zeros((2, 48, 64, 3), np.uint8))
@@ -89,7 +94,9 @@ def test_an_empty_or_full_mask_is_named_and_nothing_is_left(tmp_path, mask, mess
 def test_a_mask_of_another_size_is_named(tmp_path):
     views = photographs(tmp_path, np.zeros((48, 64, 3), np.uint8))
     mask = save(tmp_path / "mask" / "a.png", BLOCK.T)
-    with pytest.raises(InputError, match=r"mask/a\.png: is 48x64, but its photograph .* is 64x48"):
+    with pytest.raises(
+        InputError, match=r"mask/a\.png: is 48x64, but its photograph .* is 64x48; .* EXIF"
+    ):
         find(tmp_path, "mask", views, [mask])
 
 
@@ -103,5 +110,5 @@ def test_another_number_of_masks_is_refused(tmp_path, count):
 
 def test_a_blank_photograph_has_no_threshold(tmp_path):
     views = photographs(tmp_path, np.full((8, 8, 3), 90, np.uint8))
-    with pytest.raises(InputError, match="empty"):
+    with pytest.raises(InputError, match=r"empty; .* stand out from the colour of its border"):
         find(tmp_path, "threshold", views)

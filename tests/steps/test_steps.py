@@ -1,5 +1,6 @@
 """Every step once, from photographs to metrics, without Snakemake."""
 
+import errno
 import json
 
 import numpy as np
@@ -10,11 +11,13 @@ import trimesh
 from scenes import save, silhouettes, turntable
 
 from silmesh.cameras.camera import Similarity, read_cameras, write_cameras
+from silmesh.cameras.turntable import turntable_cameras
 from silmesh.errors import InputError
 from silmesh.files import replacing
+from silmesh.meshes import read_mesh
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps import cameras as cameras_step
-from silmesh.steps import evaluate, first, fit, scene, views
+from silmesh.steps import evaluate, first, fit, scene, truth, views
 from silmesh.steps import silhouettes as silhouettes_step
 from silmesh.steps.command import run
 
@@ -209,6 +212,30 @@ def test_a_turntable_needs_no_file(results, tmp_path):
     torch.testing.assert_close(read_cameras(tmp_path / "c.json").centres, expected)
 
 
+def test_cameras_that_hardly_agree_are_told_of_before_the_fit(results, tmp_path, capsys):
+    seen = results / "silhouettes"
+    own = {"silhouettes": seen, "cameras": results / "cameras.json", "output": tmp_path / "own"}
+    call(scene, **own)
+    assert capsys.readouterr().out == ""
+    wrong = turntable_cameras([f"v{i}" for i in range(COUNT)], SIZE, 30, 0, 45)
+    write_cameras(tmp_path / "wrong.json", wrong)
+    argv = ["--silhouettes", seen, "--cameras", tmp_path / "wrong.json", "--output", tmp_path / "s"]
+    scene.main([*map(str, argv), "--keep-world"])
+    said = capsys.readouterr().out
+    assert said.startswith(
+        f"warning: {seen} and {tmp_path / 'wrong.json'} hardly agree: hull IoU 0"
+    )
+
+
+def test_a_truth_is_read_in_any_format(tmp_path):
+    box = trimesh.creation.box((1, 2, 3))
+    box.export(tmp_path / "truth.glb")
+    call(truth, mesh=tmp_path / "truth.glb", output=tmp_path / "stages" / "truth.ply")
+    read = read_mesh(tmp_path / "stages" / "truth.ply")
+    np.testing.assert_allclose(read.extents, (1, 2, 3))
+    assert len(read.faces) == 12
+
+
 def test_a_world_is_kept_if_asked(results, tmp_path):
     write_cameras(tmp_path / "c.json", turntable(COUNT, SIZE))
     argv = ["--silhouettes", results / "silhouettes", "--cameras", tmp_path / "c.json"]
@@ -251,6 +278,18 @@ def test_an_input_error_is_shown_without_a_traceback(capsys):
         run(main)
     assert stop.value.code == 1
     assert capsys.readouterr().err == "silmesh: a.png: is not there\n"
+
+
+def test_a_full_disk_is_told_of_without_a_traceback(tmp_path, capsys):
+    def main(argv):
+        with replacing(tmp_path / "out") as part:
+            part.write_text("half")
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    with pytest.raises(SystemExit):
+        run(main)
+    assert capsys.readouterr().err == f"silmesh: {tmp_path / 'out'}: No space left on device\n"
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_another_error_keeps_its_traceback(tmp_path):

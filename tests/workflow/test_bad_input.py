@@ -147,6 +147,14 @@ def test_a_second_objects_mistake_is_found_before_the_first_ones_fit(fresh):
     assert not (fresh / "logs/fit").exists()
 
 
+def test_a_truth_that_is_no_mesh_is_found_before_the_fit(fresh):
+    (fresh / "config/true.ply").write_text("nonsense")
+    fresh.edit("config/datasets.tsv", "turntable\tvariants", "turntable\ttruth")
+    fresh.edit("config/datasets.tsv", "2.732,0,90\t", "2.732,0,90\ttrue.ply")
+    assert "config/true.ply: cannot be read as a mesh" in message(refusal(fresh, cores=1))
+    assert not (fresh / "logs/fit").exists()
+
+
 def test_what_no_variant_makes(fresh):
     status, said = fresh.snakemake("results/cup/other/mesh.ply", "--dry-run")
     assert status != 0

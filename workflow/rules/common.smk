@@ -58,7 +58,7 @@ def evaluate_inputs(wildcards):
     return {
         "silhouettes": stages["silhouettes"],
         "scene": stages["scene"],
-        "truth": truth or [],
+        "truth": f"results/{wildcards.object}/stages/truth.ply" if truth else [],
     }
 
 

@@ -27,6 +27,7 @@ from torch import Tensor
 from silmesh.errors import InputError
 from silmesh.files import replacing
 
+ROUNDING = 1e-4  # that is let pass in a rotation matrix: four decimals
 OBJECT_RADIUS = 0.5  # of the sphere about the origin that holds the object in the normalised world
 
 
@@ -159,7 +160,7 @@ def read_cameras(path: Path | str) -> Cameras:
             a view comes twice
     """
     try:
-        rows = json.loads(Path(path).read_text(encoding="utf-8"))
+        rows = json.loads(Path(path).read_text(encoding="utf-8-sig"))
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
         raise InputError(f"{path}: cannot be read as JSON: {error}") from error
     if not isinstance(rows, list) or not rows:
@@ -188,11 +189,18 @@ def _parse_row(row: object, where: str) -> tuple[str, Tensor, Tensor, Tensor, Te
     size = _parse_array([row["width"], row["height"]], (2,), f"{where}: width and height")
     if size.min() < 1 or not torch.equal(size, size.round()):
         raise InputError(f"{where}: width and height should be 1, 2, ..., not {size.tolist()}")
-    if not torch.allclose(R @ R.mT, torch.eye(3, dtype=R.dtype), atol=1e-4) or R.det() < 0:
-        raise InputError(f"{where}: R should be a rotation (R R^T = 1, det R = +1)")
+    off = float((R @ R.mT - torch.eye(3, dtype=R.dtype)).abs().max())
+    if off > ROUNDING or R.det() < 0:
+        raise InputError(
+            f"{where}: R should be a rotation (R R^T = 1 to within {ROUNDING:g}, det R = +1); "
+            f"R R^T is off by {off:.2g}, det R = {R.det():.4g}"
+        )
     below = [K[1, 0], *K[2]]
     if K[0, 0] <= 0 or K[1, 1] <= 0 or below != [0, 0, 0, 1]:
-        raise InputError(f"{where}: K should be [[fx, s, cx], [0, fy, cy], [0, 0, 1]], fx, fy > 0")
+        raise InputError(
+            f"{where}: K should be [[fx, s, cx], [0, fy, cy], [0, 0, 1]], fx, fy > 0, "
+            f"not {K.tolist()}"
+        )
     return str(row["view"]), size.long(), K, R, t
 
 
@@ -201,8 +209,10 @@ def _parse_array(value: object, shape: tuple[int, ...], where: str) -> Tensor:
         array = torch.tensor(value, dtype=torch.float64)
     except (TypeError, ValueError, RuntimeError) as error:
         raise InputError(f"{where} should be numbers of shape {list(shape)}: {error}") from error
-    if array.shape != shape or not array.isfinite().all():
+    if array.shape != shape:
         raise InputError(
             f"{where} should be finite numbers of shape {list(shape)}, not {list(array.shape)}"
         )
+    if not array.isfinite().all():
+        raise InputError(f"{where} should be finite numbers, not {array.tolist()}")
     return array

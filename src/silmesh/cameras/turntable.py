@@ -93,7 +93,7 @@ def softras_cameras(path: Path, views: Sequence[str], size: int) -> Cameras:
         rows = np.lib.format.open_memmap(path, mode="r")
     except (OSError, ValueError, EOFError) as error:
         raise InputError(f"{path}: cannot be read as a .npy array: {error}") from error
-    if rows.ndim != 2 or rows.shape[1] != 3 or not np.issubdtype(rows.dtype, np.number):
+    if rows.ndim != 2 or rows.shape[1] != 3 or rows.dtype.kind not in "iuf":
         raise InputError(
             f"{path}: should hold [views, 3] numbers (distance, elevation, azimuth in degrees), "
             f"not {list(rows.shape)} of {rows.dtype}"
@@ -103,4 +103,4 @@ def softras_cameras(path: Path, views: Sequence[str], size: int) -> Cameras:
     if not np.isfinite(rows).all():
         raise InputError(f"{path}: row {int(np.argwhere(~np.isfinite(rows))[0, 0])} is not finite")
     with blaming(path):
-        return orbit_cameras(views, size, *torch.tensor(rows, dtype=torch.float64).unbind(1))
+        return orbit_cameras(views, size, *torch.tensor(rows.astype(np.float64)).unbind(1))

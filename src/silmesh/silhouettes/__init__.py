@@ -19,6 +19,10 @@ from silmesh.views import View
 
 SOURCES = {"mask": mask.find, "alpha": alpha.find, "threshold": threshold.find}
 GREY = 124
+HINTS = {
+    "mask": ", white in its mask",
+    "threshold": " and stand out from the colour of its border",
+}
 
 
 def write_silhouettes(
@@ -77,7 +81,14 @@ def _refuse_empty_or_full(
     where = f"{file or view.source}: view {view.view!r}, silhouettes from {source!r}:"
     inside = silhouette[view.top : view.bottom, view.left : view.right]
     if not inside.any():
-        white = ", white in its mask" if file else ""
-        raise InputError(f"{where} empty; the object should show in every photograph{white}")
+        raise InputError(
+            f"{where} empty; the object should show in every photograph{HINTS.get(source, '')}"
+        )
     if inside.all():
         raise InputError(f"{where} fills the photograph; the background should show around it")
+    edge = (inside[0], inside[-1], inside[:, 0], inside[:, -1])
+    if all(side.all() for side in edge):
+        raise InputError(
+            f"{where} covers the photograph's border all around; it may be inverted: the object "
+            "should be white, the background black"
+        )

@@ -19,9 +19,12 @@ def find(image: Image.Image, view: View, mask: Path | None) -> np.ndarray:
     """
     drawn = read_image(mask)
     if drawn.size != (view.width, view.height):
+        turned = drawn.size == (view.height, view.width)
         raise InputError(
             f"{mask}: is {drawn.width}x{drawn.height}, but its photograph {view.source} is "
             f"{view.width}x{view.height}; a mask should have its photograph's size"
+            + ", turned upright as its EXIF orientation says"
+            * turned
         )
     shown = Image.alpha_composite(Image.new("RGBA", drawn.size, "black"), drawn.convert("RGBA"))
     bright = np.asarray(view.place(shown.convert("L"), Image.Resampling.BILINEAR))

@@ -13,6 +13,8 @@ from silmesh.scene import normalising, refuse_camera_inside, write_scene
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import parser, run
 
+DOUBTFUL = 0.5  # below this hull IoU a person is told before the fit, not only on the page
+
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Parse, load, call, save."""
@@ -34,6 +36,12 @@ def main(argv: Sequence[str] | None = None) -> None:
         refuse_camera_inside(cameras)
     agreement = coherence(carve(silhouettes, cameras), cameras, silhouettes)
     write_scene(given.output, cameras, similarity, agreement)
+    if agreement.mean() < DOUBTFUL:
+        print(
+            f"warning: {given.silhouettes} and {given.cameras} hardly agree: hull IoU "
+            f"{agreement.mean():.2f}. The fit will be poor unless the cameras (a turntable's "
+            "distance, elevation and step) are those of the photographs"
+        )
 
 
 if __name__ == "__main__":

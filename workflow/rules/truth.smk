@@ -1,0 +1,19 @@
+# requires  an object's true mesh
+# makes     its triangles, checked before any fit that is compared with them
+# runs      silmesh.steps.truth
+
+
+rule truth:
+    input:
+        lambda w: plan.of_object(w.object).truth,
+    output:
+        "results/{object}/stages/truth.ply",
+    log:
+        "logs/truth/{object}.log",
+    priority: 10
+    params:
+        code=code_digest("silmesh.steps.truth"),
+    message:
+        "{wildcards.object}: reading its true mesh"
+    shell:
+        "python -m silmesh.steps.truth --mesh {input:q} --output {output:q} 2> {log:q}"
