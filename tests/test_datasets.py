@@ -163,7 +163,7 @@ def test_a_missing_column(table, column):
         (HEADER + line() + line(), "line 3: object 'cup' is also on line 2"),
         (HEADER + "\n" + line() + "\n" + line(), "line 5: object 'cup' is also on line 3"),
         (HEADER + line(variants="\t\t"), "line 2: has 10 cells under 8 columns"),
-        ((HEADER + line()).encode("utf-16"), "cannot be read as a tab-separated table in UTF-8"),
+        ((HEADER + line()).encode("utf-16"), "is not in UTF-8; should be saved as that"),
         (HEADER + line(images='"photos') + line(object="b"), "line 2: a cell opens with '\"' that"),
     ],
 )
@@ -175,8 +175,7 @@ def test_a_table_that_is_not_there(tmp_path):
     with pytest.raises(InputError) as caught:
         read_datasets(tmp_path / "no.tsv")
     assert str(caught.value) == (
-        f"{tmp_path}/no.tsv: cannot be read as a tab-separated table in UTF-8: "
-        "No such file or directory"
+        f"{tmp_path}/no.tsv: cannot be read as a tab-separated table: No such file or directory"
     )
 
 

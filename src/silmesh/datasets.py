@@ -89,11 +89,11 @@ def _read_rows(table: Path) -> list[tuple[int, dict[str, str]]]:
     try:
         with open(table, encoding="utf-8-sig", newline="") as file:
             lines = list(csv.reader(file, delimiter="\t"))
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+    except UnicodeDecodeError as error:
+        raise InputError(f"{table}: is not in UTF-8; should be saved as that: {error}") from error
+    except (OSError, csv.Error) as error:
         why = getattr(error, "strerror", None) or error  # the path is said already
-        raise InputError(
-            f"{table}: cannot be read as a tab-separated table in UTF-8: {why}"
-        ) from error
+        raise InputError(f"{table}: cannot be read as a tab-separated table: {why}") from error
     header = [name.strip() for name in lines[0]] if lines else []
     _check_header(table, header)
     rows = []
