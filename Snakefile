@@ -55,6 +55,8 @@ wildcard_constraints:
     object=NAME,
     variant=NAME,
     views=r"\d+-(pad|stretch)",
+    cameras=r"turntable|file_\w+",
+    source="[a-z]+",
     scene=r"\d+-[a-z]+-\w+-\w+",
 
 

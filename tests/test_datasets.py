@@ -113,7 +113,7 @@ def test_a_camera_file_and_a_truth(table):
     dataset = read_one(table, cameras="file:camera.npy", truth="true.ply", turntable="")
     assert dataset.cameras == f"file:{table.parent / 'camera.npy'}"
     assert dataset.truth == table.parent / "true.ply"
-    assert dataset.turntable is None
+    assert dataset.turntable == Turntable(None, None, None)
 
 
 @pytest.mark.parametrize(
@@ -145,7 +145,7 @@ def test_a_missing_column(table, column):
         assert read_datasets(table)[0].object == "cup"
     elif column in ("masks", "turntable"):  # the plan refuses these, if a variant needs them
         table.write_text(text)
-        assert not getattr(read_datasets(table)[0], column)
+        assert getattr(read_datasets(table)[0], column) in ((), Turntable(None, None, None))
     else:
         assert refusal(table, text).startswith(f": column {column!r} is missing; the columns are ")
 
@@ -214,9 +214,15 @@ def test_a_wrong_name(table, name):
             {"silhouettes": "Mask"},
             "silhouettes: should be one of mask, alpha, threshold, not 'Mask'",
         ),
-        ({"cameras": ""}, "cameras: should be 'turntable' or 'file:<path>', not ''"),
-        ({"cameras": "file:"}, "cameras: should be 'turntable' or 'file:<path>', not 'file:'"),
-        ({"cameras": "colmap"}, "cameras: should be 'turntable' or 'file:<path>', not 'colmap'"),
+        ({"cameras": ""}, "cameras: should be 'turntable', 'calibrate' or 'file:<path>', not ''"),
+        (
+            {"cameras": "file:"},
+            "cameras: should be 'turntable', 'calibrate' or 'file:<path>', not 'file:'",
+        ),
+        (
+            {"cameras": "colmap"},
+            "cameras: should be 'turntable', 'calibrate' or 'file:<path>', not 'colmap'",
+        ),
         ({"cameras": "file:no.npy"}, "no.npy: is not there"),
         ({"truth": "no.ply"}, "no.ply: is not there"),
         ({"truth": "photos"}, "photos: is not there"),
@@ -233,7 +239,7 @@ def test_a_wrong_cell(table, cells, message):
     assert message in found
 
 
-@pytest.mark.parametrize("cell", ["2.732", "2.732,0", "2.732,0,5,6", "a,0,5", ",,5", "2.732;0;5"])
+@pytest.mark.parametrize("cell", ["2.732", "2.732,0", "2.732,0,5,6", "a,0,5", ",5", "2.732;0;5"])
 def test_a_turntable_of_another_form(table, cell):
     message = refusal(table, HEADER + line(turntable=cell))
     assert f"should be distance,elevation,step, for example 2.732,0,5, not {cell!r}" in message
@@ -250,6 +256,21 @@ def test_a_turntable_of_wrong_numbers(table, cell):
 
 def test_a_turntable_may_turn_the_other_way(table):
     assert read_one(table, turntable="2.732,30,-5").turntable == Turntable(2.732, 30, -5)
+
+
+@pytest.mark.parametrize(
+    ("cell", "known"),
+    [
+        ("", (None, None, None)),
+        (",,5", (None, None, 5)),
+        (",10,5", (None, 10, 5)),
+        (" , 10 , ", (None, 10, None)),
+    ],
+)
+def test_a_turntable_whose_geometry_is_to_be_found(table, cell, known):
+    dataset = read_one(table, cameras="calibrate", turntable=cell)
+    assert dataset.cameras == "calibrate"
+    assert dataset.turntable == Turntable(*known)
 
 
 @pytest.mark.parametrize(

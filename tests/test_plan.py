@@ -58,6 +58,7 @@ def test_a_runs_stages_are_named_by_what_they_depend_on(plan):
         ("init: {align: none}", "first"),
         ("silhouettes: alpha", "silhouettes scene first"),
         ("cameras: file:camera.npy", "cameras scene first"),
+        ("cameras: calibrate", "cameras scene first"),
         ("views: {size: 32}", "views silhouettes cameras scene first"),
         ("views: {resize: stretch}", "views silhouettes cameras scene first"),
         ("views: {size: 256, resize: pad}, silhouettes: mask, cameras: turntable", ""),
@@ -78,6 +79,15 @@ def test_a_variant_overrides_the_row(plan):
     a, b = plan("a: {}, b: {silhouettes: threshold, cameras: file:camera.npy}").runs
     assert (len(a.masks), a.camera_file, a.turntable.step) == (2, None, 5)
     assert (b.masks, b.camera_file, b.turntable) == ((), Path("camera.npy"), None)
+
+
+def test_found_cameras_are_named_by_their_silhouettes_too(plan):
+    found = plan("a: {cameras: calibrate}, b: {cameras: calibrate, silhouettes: alpha}")
+    a, b = found.runs
+    assert (a.cameras_key, b.cameras_key) == ("256-pad-mask-calibrate", "256-pad-alpha-calibrate")
+    assert (a.scene_key, a.keeps_world) == ("256-pad-mask-calibrate", False)
+    assert (a.turntable.elevation, a.turntable.step) == (0, 5)
+    assert found.with_key("cup", "cameras", b.cameras_key) == b
 
 
 def test_two_camera_files_have_two_names(plan):
@@ -128,6 +138,11 @@ def test_a_row_names_its_variants(plan):
             "a: {}",
             "cup\tphotos\tmasks\tmask\tturntable\t\t",
             "list.tsv, line 2 (cup): cameras are 'turntable' (variant 'a'), but turntable is empty",
+        ),
+        (
+            "a: {cameras: calibrate}, b: {}",
+            "cup\tphotos\tmasks\tmask\tturntable\t,,5\t",
+            "list.tsv, line 2 (cup): cameras are 'turntable' (variant 'b'), but turntable is empty",
         ),
         (
             "a: {cameras: 'file:no.npy'}",

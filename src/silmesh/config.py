@@ -39,7 +39,9 @@ Name = Annotated[
 Resize = Literal["pad", "stretch"]
 SilhouetteSource = Literal["mask", "alpha", "threshold"]
 CameraSource = Annotated[
-    str, StringConstraints(pattern=r"^(turntable|file:.+)$"), "'turntable' or 'file:<path>'"
+    str,
+    StringConstraints(pattern=r"^(turntable|calibrate|file:.+)$"),
+    "'turntable', 'calibrate' or 'file:<path>'",
 ]
 Positive = Annotated[
     float, Field(gt=0, le=1e6, allow_inf_nan=False), "a number above 0, at most 1,000,000"

@@ -25,7 +25,7 @@ FARTHEST = 100  # distance of a turntable's camera at which the object is 2 % of
 
 @dataclass(frozen=True)
 class Turntable:
-    """A turntable whose geometry is known.
+    """What is known of a turntable's geometry; None where nothing is.
 
     Attributes:
         distance: of the camera from the origin, in scene units
@@ -33,9 +33,14 @@ class Turntable:
         step: turn from one view to the next, in degrees
     """
 
-    distance: float
-    elevation: float
-    step: float
+    distance: float | None
+    elevation: float | None
+    step: float | None
+
+    @property
+    def complete(self) -> bool:
+        """Whether cameras can be made from it alone."""
+        return None not in (self.distance, self.elevation, self.step)
 
 
 @dataclass(frozen=True)
@@ -48,7 +53,7 @@ class Dataset:
         images: the photographs in natural order, or one SoftRas ``.npy``
         masks: the mask of each photograph, or none
         silhouettes, cameras: where they come from; a ``file:`` path is resolved
-        turntable: its geometry, if given
+        turntable: what the row says of its geometry
         truth: the true mesh, if given
         variants: the experiments that it runs; empty for all
     """
@@ -59,7 +64,7 @@ class Dataset:
     masks: tuple[Path, ...]
     silhouettes: str
     cameras: str
-    turntable: Turntable | None
+    turntable: Turntable
     truth: Path | None
     variants: tuple[str, ...]
 
@@ -150,7 +155,7 @@ def _parse_row(table: Path, line: int, row: Mapping[str, str]) -> Dataset:
             masks=masks,
             silhouettes=_parse_silhouettes(row["silhouettes"]),
             cameras=cameras,
-            turntable=_parse_turntable(row["turntable"]) if row["turntable"] else None,
+            turntable=_parse_turntable(row["turntable"]),
             truth=_find_truth(table, row["truth"]) if row["truth"] else None,
             variants=tuple(dict.fromkeys(re.findall(r"[^,\s]+", row["variants"]))),
         )
@@ -209,11 +214,13 @@ def _parse_silhouettes(cell: str) -> str:
 
 def resolve_cameras(table: Path, cell: str) -> str:
     """Check where cameras come from, and make the path of ``file:<path>`` one from here."""
-    if cell == "turntable":
+    if cell in ("turntable", "calibrate"):
         return cell
     kind, _, name = cell.partition(":")
     if kind != "file" or not name:
-        raise InputError(f"cameras: should be 'turntable' or 'file:<path>', not {cell!r}")
+        raise InputError(
+            f"cameras: should be 'turntable', 'calibrate' or 'file:<path>', not {cell!r}"
+        )
     path = _beside(table, name.strip())
     if not path.is_file():
         raise InputError(f"cameras: {path}: is not there")
@@ -221,18 +228,27 @@ def resolve_cameras(table: Path, cell: str) -> str:
 
 
 def _parse_turntable(cell: str) -> Turntable:
+    if not cell:
+        return Turntable(None, None, None)
     try:
-        distance, elevation, step = (float(part) for part in cell.split(","))
+        distance, elevation, step = (
+            float(part) if part.strip() else None for part in cell.split(",")
+        )
     except ValueError as error:
         raise InputError(
-            f"turntable: should be distance,elevation,step, for example 2.732,0,5, not {cell!r}"
+            f"turntable: should be distance,elevation,step, for example 2.732,0,5, not {cell!r}; "
+            "what cameras 'calibrate' should find is left out, as in ',,5'"
         ) from error
-    if distance > FARTHEST:
+    if distance is not None and distance > FARTHEST:
         raise InputError(
             f"turntable: {cell!r}: a distance of {distance:g} is too far; its unit is the object's "
             "size, whatever it is in metres. The report's is 2.732"
         )
-    if not (distance > 0 and -90 <= elevation <= 90 and 0 < abs(step) <= 360):
+    if not (
+        (distance is None or distance > 0)
+        and (elevation is None or -90 <= elevation <= 90)
+        and (step is None or 0 < abs(step) <= 360)
+    ):
         raise InputError(
             f"turntable: {cell!r}: should have a positive distance, an elevation of -90 to 90 "
             "degrees, and a step of at most 360 degrees that is not 0"

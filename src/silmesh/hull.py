@@ -59,7 +59,7 @@ def carve(silhouettes: np.ndarray, cameras: Cameras, resolution: int = 128) -> H
     far = REACH * max(silhouettes.shape[1:])
     P = cameras.projections.numpy()
     with ThreadPoolExecutor(torch.get_num_threads()) as pool:
-        distances = np.stack(list(pool.map(lambda s: _signed_distance(s, far), silhouettes)))
+        distances = np.stack(list(pool.map(lambda s: signed_distance(s, far), silhouettes)))
         low, high = np.full(3, -1.6 * OBJECT_RADIUS), np.full(3, 1.6 * OBJECT_RADIUS)
         coarse = _sample(distances, P, low, high, COARSE, pool)
         filled = np.argwhere(coarse.field > -min(0.95 * far, _half_cell(cameras, coarse.spacing)))
@@ -70,12 +70,20 @@ def carve(silhouettes: np.ndarray, cameras: Cameras, resolution: int = 128) -> H
         return _sample(distances, P, low, high, resolution, pool)
 
 
-def _signed_distance(silhouette: np.ndarray, far: float) -> np.ndarray:
-    """Distance of each pixel's centre to the outline between pixels, positive inside, cut off."""
+def signed_distance(silhouette: np.ndarray, far: float, grace: float = GRACE) -> np.ndarray:
+    """Distance of each pixel's centre to the outline between pixels, positive inside.
+
+    Args:
+        silhouette: [height, width] bool
+        far: where distances are cut off, in pixels
+        grace: how far the outline is moved outwards, in pixels
+    Returns:
+        [height, width] float32
+    """
     if silhouette.all() or not silhouette.any():
         return np.full(silhouette.shape, far if silhouette.any() else -far, np.float32)
     inside, outside = distance_transform_edt(silhouette), distance_transform_edt(~silhouette)
-    signed = np.where(silhouette, inside - 0.5, 0.5 - outside) + GRACE
+    signed = np.where(silhouette, inside - 0.5, 0.5 - outside) + grace
     return signed.clip(-far, far).astype(np.float32)
 
 

@@ -5,7 +5,7 @@ share it:
 
     results/<object>/stages/views/256-pad/
                             silhouettes/256-pad-mask/
-                            cameras/256-pad-turntable.json
+                            cameras/256-pad-turntable.json, cameras/256-pad-mask-calibrate.json
                             scenes/256-pad-mask-turntable/
                             first/256-pad-mask-turntable-sphere-1352-bbox.ply
     results/<object>/<variant>/
@@ -48,8 +48,11 @@ class Run:
 
     @property
     def cameras_key(self) -> str:
-        """Names the cameras; a file by a short digest of its path."""
-        return f"{self.views_key}-{self._cameras_name}"
+        """Names the cameras; a file by a short digest of its path.
+
+        Cameras that are found from silhouettes depend on these too.
+        """
+        return self.scene_key if self.calibrates else f"{self.views_key}-{self._cameras_name}"
 
     @property
     def scene_key(self) -> str:
@@ -74,9 +77,14 @@ class Run:
         return Path(path) if kind == "file" else None
 
     @property
+    def calibrates(self) -> bool:
+        """Whether the cameras are found from the silhouettes."""
+        return self.cameras == "calibrate"
+
+    @property
     def turntable(self) -> Turntable | None:
-        """The turntable's geometry, if the cameras are made from it."""
-        return self.dataset.turntable if self.cameras == "turntable" else None
+        """What is known of the turntable, if the cameras come from it."""
+        return self.dataset.turntable if self.camera_file is None else None
 
     @property
     def keeps_world(self) -> bool:
@@ -159,9 +167,10 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
             f"{dataset.where}: silhouettes are 'mask' (variant {name!r}), but masks is empty; "
             "should be a folder or a glob of mask files"
         )
-    if cameras == "turntable" and dataset.turntable is None:
+    if cameras == "turntable" and not dataset.turntable.complete:
         raise InputError(
-            f"{dataset.where}: cameras are 'turntable' (variant {name!r}), but turntable is empty; "
-            "should be distance,elevation,step, for example 2.732,0,5"
+            f"{dataset.where}: cameras are 'turntable' (variant {name!r}), but turntable is empty "
+            "or lacks a number; should be distance,elevation,step, for example 2.732,0,5; "
+            "cameras 'calibrate' finds what is not known"
         )
     return Run(dataset, name, views, silhouettes, cameras, variant.init, variant.fit)

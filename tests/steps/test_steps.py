@@ -16,6 +16,7 @@ from silmesh.errors import InputError
 from silmesh.files import replacing
 from silmesh.meshes import read_mesh
 from silmesh.silhouettes import read_silhouettes
+from silmesh.steps import calibrate as calibrate_step
 from silmesh.steps import cameras as cameras_step
 from silmesh.steps import evaluate, first, fit, scene, truth, views
 from silmesh.steps import silhouettes as silhouettes_step
@@ -202,6 +203,18 @@ def test_silhouettes_may_lie_outside_the_results(results, tmp_path):
 
 def test_no_part_is_left(results):
     assert not list(results.rglob(".part-*"))
+
+
+def test_cameras_found_from_silhouettes(results, tmp_path):
+    views, seen = results / "views", results / "silhouettes"
+    arguments = ["--views", views, "--silhouettes", seen, "--step", 45, "--threads", 1]
+    arguments += ["--report", tmp_path / "report.json", "--output", tmp_path / "c.json"]
+    calibrate_step.main([*map(str, arguments)])
+    found = read_cameras(tmp_path / "c.json")
+    assert found.views == read_cameras(results / "cameras.json").views
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert abs(report["estimates"]["step"]["value"]) == 45
+    assert report["estimates"]["elevation"]["value"] == pytest.approx(20, abs=5)
 
 
 def test_a_turntable_needs_no_file(results, tmp_path):

@@ -147,6 +147,21 @@ def test_a_variant_of_other_silhouettes(project):
     }
 
 
+def test_cameras_found_from_silhouettes(project):
+    with open(project / "config/config.yaml", "a") as config:
+        config.write("  found:\n    cameras: calibrate\n    init: {vertices: 60}\n")
+    scene = "cup/32-pad-mask-calibrate"
+    from_calibrate = {
+        f"calibrate {scene}",
+        f"scene {scene}",
+        f"first {scene}-sphere-60-bbox",
+        *from_fit("found"),
+    }
+    assert project.outdated() == from_calibrate
+    recolour(project / "photos/mask2/cup/cup_r90.png")
+    assert project.outdated() == FROM_SILHOUETTES | from_calibrate
+
+
 def test_a_new_object_leaves_the_others_alone(project):
     project.add_object("jug", centre=(21, 17))
     assert project.outdated() == {job.replace("cup", "jug") for job in ALL}

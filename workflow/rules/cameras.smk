@@ -20,3 +20,30 @@ rule cameras:
     shell:
         "python -m silmesh.steps.cameras --views {input.views:q} {params.source}"
         " --output {output:q} 2> {log:q}"
+
+
+# requires  silhouettes of a turntable whose geometry is not known
+# makes     its cameras, and how far to trust them
+# runs      silmesh.steps.calibrate
+
+
+rule calibrate:
+    input:
+        views="results/{object}/stages/views/{views}",
+        silhouettes="results/{object}/stages/silhouettes/{views}-{source}",
+    output:
+        cameras="results/{object}/stages/cameras/{views}-{source}-calibrate.json",
+        report="results/{object}/stages/cameras/{views}-{source}-calibrate.report.json",
+    log:
+        "logs/cameras/{object}-{views}-{source}-calibrate.log",
+    priority: 10
+    threads: 2
+    params:
+        known=known_geometry,
+        code=code_digest("silmesh.steps.calibrate"),
+    message:
+        "{wildcards.object}: finding cameras from silhouettes by {wildcards.source}"
+    shell:
+        "python -m silmesh.steps.calibrate --views {input.views:q}"
+        " --silhouettes {input.silhouettes:q} {params.known} --threads {threads}"
+        " --report {output.report:q} --output {output.cameras:q} 2> {log:q}"

@@ -29,6 +29,14 @@ def camera_source(wildcards):
     return f"--turntable {table.distance} {table.elevation} {table.step}"
 
 
+def known_geometry(wildcards):
+    """The arguments that say what is known of a turntable whose geometry is to be found."""
+    key = f"{wildcards.views}-{wildcards.source}-calibrate"
+    known = plan.with_key(wildcards.object, "cameras", key).turntable
+    values = {"--elevation": known.elevation, "--step": known.step}
+    return " ".join(f"{k}={v}" for k, v in values.items() if v is not None)
+
+
 def fit_inputs(wildcards):
     """The stages that a fit stands on."""
     run = plan.run(wildcards.object, wildcards.variant)

@@ -1,0 +1,160 @@
+r"""How well cameras are found from silhouettes, on made-up objects whose cameras are known: JSON.
+
+python benchmarks/calibrate.py --cases 12 --views 72 36 12
+python benchmarks/calibrate.py --cases 0 \
+    --silhouettes results/moisturiser/stages/silhouettes/256-pad-mask
+"""
+
+import argparse
+import json
+import math
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+
+from silmesh.cameras.calibrate import Calibration, calibrate
+from silmesh.cameras.camera import Cameras
+from silmesh.cameras.turntable import turntable_cameras
+from silmesh.evaluation import coherence
+from silmesh.hull import carve
+from silmesh.scene import normalising
+from silmesh.silhouettes import read_silhouettes
+from silmesh.softras import soft_silhouettes
+from silmesh.synthetic.make import make_object
+from silmesh.views import natural_key
+
+OBJECTS = ("bear", "tube", "plane", "pot")
+
+
+def random_turntable(count: int, size: int, random: np.random.Generator) -> tuple[Cameras, dict]:
+    """Cameras that do not look at the axis, nor upright, and what they are."""
+    truth = {
+        "elevation": random.uniform(0, 30),
+        "roll": random.uniform(-2, 2),
+        "half_angle": random.uniform(5, 20),
+        "direction": int(random.choice([-1, 1])),
+    }
+    names = [f"v{i}" for i in range(count)]
+    plain = turntable_cameras(
+        names, size, 2.732, truth["elevation"], truth["direction"] * 360 / count
+    )
+    roll, tan = math.radians(truth["roll"]), math.tan(math.radians(truth["half_angle"]))
+    lean = torch.eye(3, dtype=torch.float64)
+    lean[:2, :2] = torch.tensor(
+        [[math.cos(roll), -math.sin(roll)], [math.sin(roll), math.cos(roll)]]
+    )
+    K = plain.K.clone()
+    K[:, 0, 0] = K[:, 1, 1] = size / 2 / tan
+    shift = random.uniform(-0.1, 0.1, 2) * 1.6  # of the image's side, which spans 1.6 at the axis
+    t = torch.tensor([*shift, 0.8 / tan], dtype=torch.float64).repeat(count, 1)
+    cameras = Cameras(plain.views, plain.sizes, K, lean @ plain.R, t)
+    return cameras, truth
+
+
+def render(name: str, cameras: Cameras) -> np.ndarray:
+    """Silhouettes of a made-up object, almost sharp: [views, size, size] bool."""
+    mesh = make_object(name)
+    points = cameras.project(torch.tensor(np.asarray(mesh.vertices), dtype=torch.float64)).float()
+    faces = torch.tensor(np.asarray(mesh.faces), dtype=torch.int64)
+    size = int(cameras.sizes[0, 0])
+    return (soft_silhouettes(points, faces, (size, size), sigma=1e-8) > 0.5).numpy()
+
+
+def axis_at(cameras: Cameras, row: float) -> float:
+    """The column at which the world's axis y passes a row of the image."""
+    ends = torch.tensor([[0, -0.1, 0], [0, 0.1, 0]], dtype=torch.float64)
+    (u0, v0), (u1, v1) = cameras.select([0]).project(ends)[0].tolist()
+    return u0 + (row - v0) * (u1 - u0) / (v1 - v0)
+
+
+def judge(found: Calibration, cameras: Cameras, truth: dict) -> dict:
+    """Errors of what was found."""
+    e = found.estimates
+    return {
+        "axis": abs(e["axis"].value - axis_at(cameras, found.row)),
+        "elevation": abs(e["elevation"].value - truth["elevation"]),
+        "roll": abs(e["roll"].value - truth["roll"]),
+        "direction": bool(np.sign(e["step"].value) == truth["direction"]),
+    }
+
+
+def run_case(seed: int, count: int, size: int) -> dict:
+    """One random turntable with one of the objects."""
+    cameras, truth = random_turntable(count, size, np.random.default_rng(seed))
+    name = OBJECTS[seed % len(OBJECTS)]
+    seen = render(name, cameras)
+    start = time.perf_counter()
+    found = calibrate(seen, cameras.views, step=360 / count)
+    return {
+        "object": name,
+        "views": count,
+        "truth": truth,
+        "found": {k: [v.value, v.sd, v.status] for k, v in found.estimates.items()},
+        "errors": judge(found, cameras, truth),
+        "certain": found.direction_certain,
+        "rms": found.rms,
+        "seconds": time.perf_counter() - start,
+    }
+
+
+def summarise(cases: list[dict]) -> dict:
+    """Median and worst errors; the direction's rate where the elevation is above 3 degrees."""
+    errors = [case["errors"] for case in cases]
+    high = [c["errors"]["direction"] for c in cases if c["truth"]["elevation"] > 3]
+    spread = {
+        k: {"median": float(np.median(v)), "worst": float(np.max(v))}
+        for k in ("axis", "elevation", "roll")
+        for v in [[e[k] for e in errors]]
+    }
+    seconds = float(np.median([case["seconds"] for case in cases]))
+    return spread | {"direction_rate": float(np.mean(high)), "seconds": seconds}
+
+
+def measure_photographs(folder: Path, step: float) -> dict:
+    """Coherence of real silhouettes with the report's cameras and with those found."""
+    views = [path.stem for path in sorted(folder.glob("*.png"), key=natural_key)]
+    seen = read_silhouettes(folder, views)
+    level = turntable_cameras(views, seen.shape[1], 2.732, 0, step)
+    before = coherence(carve(seen, level), level, seen)
+    start = time.perf_counter()
+    found = calibrate(seen, views, step=step)
+    seconds = time.perf_counter() - start
+    cameras = found.cameras.in_world_of(normalising(found.cameras, seen))
+    after = coherence(carve(seen, cameras), cameras, seen)
+    return {
+        "coherence_report": float(before.mean()),
+        "coherence": float(after.mean()),
+        "coherence_least": float(after.min()),
+        "found": {k: [v.value, v.sd, v.status] for k, v in found.estimates.items()},
+        "direction_certain": found.direction_certain,
+        "rms": found.rms,
+        "largest_offset": float(np.abs(found.offsets).max()),
+        "seconds": seconds,
+        "warnings": found.warnings,
+    }
+
+
+def main() -> None:
+    """Print what was measured."""
+    args = argparse.ArgumentParser(description=__doc__)
+    args.add_argument("--cases", type=int, default=8)
+    args.add_argument("--views", type=int, nargs="+", default=[72, 36, 12])
+    args.add_argument("--size", type=int, default=256)
+    args.add_argument("--threads", type=int, default=2)
+    args.add_argument("--silhouettes", type=Path, help="folder of real ones")
+    args.add_argument("--step", type=float, default=5.0, help="of those, in degrees")
+    args.add_argument("--details", action="store_true", help="every case")
+    given = args.parse_args()
+    torch.set_num_threads(given.threads)
+    cases = [run_case(i, v, given.size) for v in given.views for i in range(given.cases)]
+    by_views = {v: [c for c in cases if c["views"] == v] for v in given.views}
+    result = {str(v): summarise(some) for v, some in by_views.items() if some}
+    if given.silhouettes:
+        result["photographs"] = measure_photographs(given.silhouettes, given.step)
+    print(json.dumps(result | ({"cases": cases} if given.details else {}), indent=1))
+
+
+if __name__ == "__main__":
+    main()

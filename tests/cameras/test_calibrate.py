@@ -1,0 +1,207 @@
+"""Turntables whose geometry is known, found from made-up objects' silhouettes."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+import torch
+from scenes import silhouettes as ellipsoid
+from scenes import turntable
+
+from silmesh.cameras.calibrate import calibrate, write_report
+from silmesh.cameras.camera import Cameras
+from silmesh.cameras.turntable import orbit_cameras
+from silmesh.errors import InputError
+from silmesh.evaluation import coherence
+from silmesh.hull import carve
+from silmesh.scene import normalising
+from silmesh.silhouettes import read_silhouettes, write_silhouettes
+from silmesh.softras import soft_silhouettes
+from silmesh.synthetic.make import make_object
+from silmesh.views import find_images, match_masks, write_views
+
+SIZE = 128
+
+
+def stand(angles, elevation=12.0, roll=1.2, half_angle=10.0, shift=(0.06, -0.04), size=SIZE):
+    """A camera that looks past the axis, leaning to its right; angles in degrees."""
+    names = [f"v{i}" for i in range(len(angles))]
+    a = torch.as_tensor(np.asarray(angles, dtype=float))
+    plain = orbit_cameras(names, size, torch.full_like(a, 3), torch.full_like(a, elevation), a)
+    c, s = math.cos(math.radians(roll)), math.sin(math.radians(roll))
+    lean = torch.tensor([[c, -s, 0], [s, c, 0], [0, 0, 1]], dtype=torch.float64)
+    tan = math.tan(math.radians(half_angle))
+    K = plain.K.clone()
+    K[:, 0, 0] = K[:, 1, 1] = size / 2 / tan
+    t = torch.tensor([*shift, 0.8 / tan], dtype=torch.float64) * torch.tensor([1.6, 1.6, 1])
+    return Cameras(plain.views, plain.sizes, K, lean @ plain.R, t.repeat(len(a), 1))
+
+
+def render(name: str, cameras: Cameras) -> np.ndarray:
+    mesh = make_object(name)
+    points = cameras.project(torch.tensor(np.asarray(mesh.vertices))).float()
+    faces = torch.tensor(np.asarray(mesh.faces), dtype=torch.int64)
+    width, height = cameras.sizes[0].tolist()
+    return (soft_silhouettes(points, faces, (height, width), sigma=1e-8) > 0.5).numpy()
+
+
+def axis_at(cameras: Cameras, row: float) -> float:
+    """The column at which the world's axis y passes a row."""
+    ends = torch.tensor([[0, -0.1, 0], [0, 0.1, 0]], dtype=torch.float64)
+    (u0, v0), (u1, v1) = cameras.select([0]).project(ends)[0].tolist()
+    return u0 + (row - v0) * (u1 - u0) / (v1 - v0)
+
+
+@pytest.fixture(scope="module")
+def bear():
+    """Twelve views of the bear, which turns backwards."""
+    cameras = stand(-30 * np.arange(12))
+    return cameras, render("bear", cameras)
+
+
+@pytest.fixture(scope="module")
+def found(bear):
+    cameras, seen = bear
+    return calibrate(seen, cameras.views, step=30)
+
+
+def test_a_turntable_is_found(bear, found):
+    cameras, _ = bear
+    e = found.estimates
+    assert e["axis"].value == pytest.approx(axis_at(cameras, found.row), abs=0.5)
+    assert e["elevation"].value == pytest.approx(12, abs=1)
+    assert e["roll"].value == pytest.approx(1.2, abs=0.5)
+    assert (e["step"].value, e["step"].status) == (-30, "given")
+    assert found.direction_certain
+    assert found.rms < 0.4
+
+
+def test_the_cameras_are_those_of_the_estimates(bear, found):
+    """The axis as the cameras project it, and the turn from one to the next."""
+    assert axis_at(found.cameras, found.row) == pytest.approx(found.estimates["axis"].value)
+    R = found.cameras.R
+    turn = R[0].mT @ R[1]  # about y by the step
+    assert math.degrees(math.atan2(turn[2, 0], turn[0, 0])) == pytest.approx(-30)
+    assert found.cameras.centres[:, 1].std() < 1e-12
+    assert found.cameras.views == bear[0].views
+
+
+def test_found_cameras_agree_with_the_silhouettes(bear, found):
+    _, seen = bear
+    cameras = found.cameras.in_world_of(normalising(found.cameras, seen))
+    assert coherence(carve(seen, cameras, 64), cameras, seen).mean() > 0.95
+
+
+@pytest.fixture(scope="module")
+def shaken():
+    """A turntable that errs by half a degree from view to view."""
+    jitter = np.random.default_rng(3).normal(0, 0.5, 36)
+    cameras = stand(10 * np.arange(36) + jitter)
+    return jitter, calibrate(render("plane", cameras), cameras.views, step=10)
+
+
+def test_errors_of_the_steps_are_found(shaken):
+    jitter, found = shaken
+    error = found.offsets - jitter
+    assert error.std() < 0.6 * jitter.std()
+    assert np.corrcoef(found.offsets, jitter)[0, 1] > 0.8
+
+
+def test_even_steps_are_left_alone(found):
+    assert not found.offsets.any()
+
+
+@pytest.mark.parametrize("arc", [360, 180])
+def test_an_unknown_step_is_found(arc):
+    cameras = stand(0.97 * arc / 16 * np.arange(16), size=64)
+    found = calibrate(render("plane", cameras), cameras.views)
+    assert found.estimates["step"].value == pytest.approx(0.97 * arc / 16, rel=0.02)
+    assert found.estimates["step"].status == "found"
+
+
+def test_a_stretched_photograph():
+    square = stand(30 * np.arange(12))
+    wide = torch.tensor([[1.0, 0, 0], [0, 4 / 3, 0], [0, 0, 1]], dtype=torch.float64)
+    lift = torch.tensor([[1.0, 0, 0], [0, 1, -SIZE / 8], [0, 0, 1]], dtype=torch.float64)
+    cameras = square.in_pixels_of((wide @ lift).expand(12, 3, 3), square.sizes)
+    found = calibrate(render("bear", cameras), cameras.views, step=30, aspect=4 / 3)
+    assert found.estimates["elevation"].value == pytest.approx(12, abs=1)
+    assert found.estimates["axis"].value == pytest.approx(axis_at(cameras, found.row), abs=0.5)
+    K = found.cameras.K[0]
+    assert K[1, 1] / K[0, 0] == pytest.approx(4 / 3)
+
+
+@pytest.mark.parametrize(
+    ("name", "count", "settings"),
+    [
+        ("plane", 12, {"elevation": 26, "roll": -2, "half_angle": 18, "shift": (0.1, 0.05)}),
+        ("tube", 36, {"elevation": 6, "roll": 2, "half_angle": 6, "shift": (-0.1, 0)}),
+        pytest.param("bear", 72, {"elevation": 18, "half_angle": 14}, marks=pytest.mark.slow),
+        pytest.param(
+            "tube", 72, {"elevation": 9, "half_angle": 8, "roll": -1}, marks=pytest.mark.slow
+        ),
+    ],
+)
+def test_other_turntables_are_found(name, count, settings):
+    cameras = stand(360 / count * np.arange(count), **settings)
+    found = calibrate(render(name, cameras), cameras.views, step=360 / count)
+    e = found.estimates
+    assert e["axis"].value == pytest.approx(axis_at(cameras, found.row), abs=0.5)
+    assert e["elevation"].value == pytest.approx(settings["elevation"], abs=1)
+    assert e["step"].value > 0
+
+
+def test_what_is_known_is_kept(bear):
+    cameras, seen = bear
+    e = calibrate(seen, cameras.views, step=30, elevation=12).estimates
+    assert (e["elevation"].value, e["elevation"].sd) == (12, 0)
+    assert e["elevation"].status == "given"
+    assert e["axis"].value == pytest.approx(axis_at(cameras, 64), abs=1)
+
+
+def test_the_report_is_json(found, tmp_path):
+    write_report(tmp_path / "report.json", found)
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["estimates"]["step"] == {"value": -30, "sd": 0, "status": "given"}
+    assert list(report["view_rms"]) == list(found.cameras.views)
+
+
+def test_a_ball_on_the_axis_fixes_neither_elevation_nor_perspective():
+    cameras = turntable(12, 64)
+    found = calibrate(ellipsoid(cameras, (0.3, 0.3, 0.3)), cameras.views, step=30)
+    status = {name: e.status for name, e in found.estimates.items()}
+    assert status["elevation"] == status["half_angle"] == "open"
+    assert found.estimates["axis"].value == pytest.approx(32, abs=0.3)
+    assert not found.direction_certain
+    assert "elevation is not fixed by the silhouettes" in " ".join(found.warnings)
+
+
+def test_two_views():
+    with pytest.raises(InputError, match="there are 2 views; it takes at least 3"):
+        calibrate(np.ones((2, 16, 16), bool), ["a", "b"])
+
+
+def test_views_of_different_things():
+    random = np.random.default_rng(0)
+    y, x = np.mgrid[:64, :64]
+    seen = np.stack(
+        [(x - u) ** 2 + (y - v) ** 2 < 8**2 for u, v in random.uniform(12, 52, (12, 2))]
+    )
+    with pytest.raises(InputError, match="no turntable explains these silhouettes"):
+        calibrate(seen, [str(i) for i in range(12)], step=30)
+
+
+@pytest.mark.data
+def test_the_moisturiser(data, tmp_path):
+    """The report's cameras reach 0.82."""
+    images = find_images(data / "aloi_moisturiser" / "png2" / "moisturiser")
+    masks = match_masks(images, find_images(data / "aloi_moisturiser" / "mask2" / "moisturiser"))
+    views = write_views(images, 256, "pad", tmp_path / "views")
+    write_silhouettes("mask", views, tmp_path / "views", masks, tmp_path / "silhouettes")
+    names = [view.view for view in views]
+    seen = read_silhouettes(tmp_path / "silhouettes", names)
+    found = calibrate(seen, names, step=5)
+    cameras = found.cameras.in_world_of(normalising(found.cameras, seen))
+    assert coherence(carve(seen, cameras), cameras, seen).mean() > 0.975
+    assert found.direction_certain
