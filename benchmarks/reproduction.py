@@ -59,10 +59,10 @@ def _draw(curves: list[tuple[str, pd.Series, pd.Series]]) -> Figure:
     ):
         axes.plot(published.index, published, "o--", color="0.55", ms=4, label="published")
         axes.plot(ours.index, ours, color="#0072b2", label="silmesh")
-        axes.set(title=title, xlabel="iteration", ylim=(0, None))
+        axes.set(title=title, xlabel="iteration")
         axes.grid(alpha=0.3)
         axes.legend()
-    figure.axes[0].set_ylabel("loss")
+    figure.axes[0].set(ylabel="loss", ylim=(0, 0.9))
     return figure
 
 
