@@ -1,13 +1,20 @@
 import numpy as np
 import pytest
 import torch
-from scenes import dome, silhouettes, turntable
+from scenes import dome, save, silhouettes, turntable
 
 from silmesh.cameras.camera import Similarity
 from silmesh.errors import InputError
 from silmesh.evaluation import coherence
 from silmesh.hull import carve
-from silmesh.scene import normalising, read_scene, refuse_camera_inside, write_scene
+from silmesh.scene import (
+    SILHOUETTES,
+    VIEWS,
+    normalising,
+    read_scene,
+    refuse_camera_inside,
+    write_scene,
+)
 
 SIZE = 64
 
@@ -80,9 +87,13 @@ def test_silhouettes_agree_with_their_cameras_and_not_with_others():
 def test_a_scene_is_read_as_it_was_written(tmp_path):
     cameras = dome(3, SIZE)
     similarity = Similarity(torch.tensor([1.0, 2, 3], dtype=torch.float64), 0.25)
-    write_scene(tmp_path / "scene", cameras, similarity, np.array([0.5, 0.75, 1.0]))
+    for view in cameras.views:
+        save(tmp_path / f"{view}.png", np.zeros((4, 4), np.uint8))
+    pictures = {VIEWS: tmp_path, SILHOUETTES: tmp_path}
+    agreement = np.array([0.5, 0.75, 1.0])
+    write_scene(tmp_path / "scene", cameras, similarity, agreement, pictures, {"cameras": "file"})
     read, transform, scene = read_scene(tmp_path / "scene")
     torch.testing.assert_close(read.t, cameras.t)
     assert (transform.centre.tolist(), transform.scale) == ([1, 2, 3], 0.25)
-    assert scene["hull_iou_mean"] == 0.75
+    assert (scene["hull_iou_mean"], scene["cameras"]) == (0.75, "file")
     assert scene["hull_iou"] == {"v0": 0.5, "v1": 0.75, "v2": 1.0}

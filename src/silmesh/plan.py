@@ -5,7 +5,7 @@ share it:
 
     results/<object>/stages/views/256-pad/
                             silhouettes/256-pad-mask/
-                            cameras/256-pad-turntable.json, cameras/256-pad-mask-calibrate.json
+                            cameras/256-pad-turntable/, cameras/256-pad-mask-calibrate/
                             scenes/256-pad-mask-turntable/
                             first/256-pad-mask-turntable-sphere-1352-bbox.ply
     results/<object>/<variant>/
@@ -47,12 +47,13 @@ class Run:
         return f"{self.views_key}-{self.silhouettes}"
 
     @property
-    def cameras_key(self) -> str:
-        """Names the cameras; a file by a short digest of its path.
+    def cameras_keys(self) -> tuple[str, ...]:
+        """Names the attempts at cameras; a file by a short digest of its path.
 
         Cameras that are found from silhouettes depend on these too.
         """
-        return self.scene_key if self.calibrates else f"{self.views_key}-{self._cameras_name}"
+        found = self.cameras == "calibrate"
+        return (self.scene_key if found else f"{self.views_key}-{self._cameras_name}",)
 
     @property
     def scene_key(self) -> str:
@@ -75,11 +76,6 @@ class Run:
         """The file that the cameras are read from, if they are."""
         kind, _, path = self.cameras.partition(":")
         return Path(path) if kind == "file" else None
-
-    @property
-    def calibrates(self) -> bool:
-        """Whether the cameras are found from the silhouettes."""
-        return self.cameras == "calibrate"
 
     @property
     def turntable(self) -> Turntable | None:
@@ -128,6 +124,10 @@ class Plan:
     def with_key(self, object_: str, stage: str, key: str) -> Run:
         """A run of this object whose stage (``views``, ``silhouettes``, ...) has this key."""
         return self._first(object_, lambda run: getattr(run, f"{stage}_key") == key)
+
+    def with_cameras(self, object_: str, key: str) -> Run:
+        """A run of this object of whose attempts at cameras one has this key."""
+        return self._first(object_, lambda run: key in run.cameras_keys)
 
     def _first(self, object_: str, suits: Any) -> Run:
         for run in self.runs:

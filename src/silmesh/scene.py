@@ -1,7 +1,15 @@
-"""Silhouettes and cameras together: the normalised world, and how well the two agree."""
+"""The scene: the views that are fitted, their silhouettes and cameras, in the normalised world.
+
+A scene's folder holds ``cameras.json`` (normalised), ``scene.json`` (the transform, how well
+silhouettes and cameras agree, where the cameras come from), and the working images and silhouettes
+of just the views that have a camera, in ``views/`` and ``silhouettes/``.
+"""
 
 import json
+import shutil
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -16,6 +24,8 @@ from silmesh.cameras.camera import (
 )
 from silmesh.errors import InputError
 from silmesh.files import replacing
+
+VIEWS, SILHOUETTES = "views", "silhouettes"  # folders of a scene
 
 
 def normalising(cameras: Cameras, silhouettes: np.ndarray) -> Similarity:
@@ -76,10 +86,24 @@ def refuse_camera_inside(cameras: Cameras) -> None:
 
 
 def write_scene(
-    folder: Path, cameras: Cameras, similarity: Similarity, coherence: np.ndarray
+    folder: Path,
+    cameras: Cameras,
+    similarity: Similarity,
+    coherence: np.ndarray,
+    pictures: Mapping[str, Path],
+    told: Mapping[str, Any],
 ) -> None:
-    """Write ``cameras.json`` (normalised) and ``scene.json`` (the transform, the agreement)."""
+    """Write a scene.
+
+    Args:
+        cameras: in the normalised world
+        similarity: from the input's own world to that one
+        coherence: [views]
+        pictures: the folders of the working images, ``views``, and of the ``silhouettes``
+        told: what else ``scene.json`` says
+    """
     scene = {
+        **told,
         "centre": similarity.centre.tolist(),
         "scale": similarity.scale,
         "hull_iou_mean": float(coherence.mean()),
@@ -88,6 +112,10 @@ def write_scene(
     with replacing(folder) as part:
         part.mkdir()
         write_cameras(part / "cameras.json", cameras)
+        for name, source in pictures.items():
+            (part / name).mkdir()
+            for view in cameras.views:
+                shutil.copyfile(source / f"{view}.png", part / name / f"{view}.png")
         (part / "scene.json").write_text(json.dumps(scene, indent=1) + "\n")
 
 

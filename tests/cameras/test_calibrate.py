@@ -1,6 +1,5 @@
 """Turntables whose geometry is known, found from made-up objects' silhouettes."""
 
-import json
 import math
 
 import numpy as np
@@ -9,7 +8,8 @@ import torch
 from scenes import silhouettes as ellipsoid
 from scenes import turntable
 
-from silmesh.cameras.calibrate import calibrate, write_report
+from silmesh.cameras.attempt import read_attempt, write_attempt
+from silmesh.cameras.calibrate import attempt_calibration, calibrate
 from silmesh.cameras.camera import Cameras
 from silmesh.cameras.turntable import orbit_cameras
 from silmesh.errors import InputError
@@ -160,11 +160,20 @@ def test_what_is_known_is_kept(bear):
     assert e["axis"].value == pytest.approx(axis_at(cameras, 64), abs=1)
 
 
-def test_the_report_is_json(found, tmp_path):
-    write_report(tmp_path / "report.json", found)
-    report = json.loads((tmp_path / "report.json").read_text())
-    assert report["estimates"]["step"] == {"value": -30, "sd": 0, "status": "given"}
-    assert list(report["view_rms"]) == list(found.cameras.views)
+def test_a_calibration_is_written_as_an_attempt(bear, tmp_path):
+    cameras, seen = bear
+    write_attempt(tmp_path / "found", attempt_calibration(seen, cameras.views, step=30))
+    found = read_attempt(tmp_path / "found")
+    assert found.figures["estimates"]["step"] == {"value": -30, "sd": 0, "status": "given"}
+    assert list(found.figures["view_rms"]) == list(found.cameras.views) == list(cameras.views)
+
+
+def test_a_refused_calibration_is_an_attempt_too(tmp_path):
+    refused = attempt_calibration(np.ones((2, 16, 16), bool), ["a", "b"])
+    write_attempt(tmp_path / "refused", refused)
+    assert read_attempt(tmp_path / "refused") == refused
+    assert refused.cameras is None
+    assert refused.refusal.startswith("cameras 'calibrate': there are 2 views")
 
 
 def test_a_ball_on_the_axis_fixes_neither_elevation_nor_perspective():

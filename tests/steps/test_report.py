@@ -49,7 +49,7 @@ def test_tables_figure_pictures_and_page_from_results(results):
     for run in RUNS:
         picture.main(
             f"--mesh {results}/{run}/mesh.ply --cameras {results}/{run}/cameras.json"
-            f" --views {results}/views --silhouettes {results}/silhouettes"
+            f" --scene {results}"
             f" --output {made}/pictures/{run}.png".split()
         )
     settings = {

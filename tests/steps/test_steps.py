@@ -10,6 +10,7 @@ import torch
 import trimesh
 from scenes import save, silhouettes, turntable
 
+from silmesh.cameras.attempt import Attempt, read_attempt, write_attempt
 from silmesh.cameras.camera import Similarity, read_cameras, write_cameras
 from silmesh.cameras.turntable import turntable_cameras
 from silmesh.errors import InputError
@@ -79,13 +80,12 @@ def results(tmp_path_factory):
         masks=masks,
         output=out / "silhouettes",
     )
-    call(cameras_step, views=out / "views", file=root / "given.json", output=out / "cameras.json")
-    shared = {"silhouettes": out / "silhouettes"}
-    call(scene, **shared, cameras=out / "cameras.json", threads=1, output=out / "scene")
+    call(cameras_step, views=out / "views", file=root / "given.json", output=out / "cameras")
+    pictures = {"views": out / "views", "silhouettes": out / "silhouettes"}
+    call(scene, **pictures, cameras=out / "cameras", threads=1, output=out / "scene")
     call(
         first,
-        **shared,
-        cameras=out / "scene" / "cameras.json",
+        scene=out / "scene",
         shape="sphere",
         vertices=162,
         align="none",
@@ -94,7 +94,6 @@ def results(tmp_path_factory):
     variant = out / "object" / "variant"
     call(
         fit,
-        **shared,
         first=out / "first.ply",
         scene=out / "scene",
         **SETTINGS,
@@ -107,7 +106,6 @@ def results(tmp_path_factory):
     )
     call(
         evaluate,
-        **shared,
         mesh=variant / "mesh.ply",
         cameras=variant / "cameras.json",
         loss=variant / "loss.csv",
@@ -123,7 +121,7 @@ def results(tmp_path_factory):
 
 
 def test_silhouettes_are_those_of_the_working_images(results):
-    cameras = read_cameras(results / "cameras.json")
+    cameras = read_cameras(results / "cameras" / "cameras.json")
     assert cameras.sizes.tolist() == [[SIZE, SIZE]] * COUNT
     found = read_silhouettes(results / "silhouettes", cameras.views)
     expected = silhouettes(cameras, AXES, CENTRE)
@@ -164,7 +162,7 @@ def test_the_mesh_is_in_the_worlds_own_frame(results, ending):
 
 def test_the_meshs_cameras_are_those_given_in_working_pixels(results):
     fitted = read_cameras(results / "object" / "variant" / "cameras.json")
-    given = read_cameras(results / "cameras.json")
+    given = read_cameras(results / "cameras" / "cameras.json")
     assert fitted.views == given.views
     torch.testing.assert_close(fitted.centres, given.centres)
     torch.testing.assert_close(fitted.K, given.K)
@@ -178,7 +176,7 @@ def test_metrics_have_the_contracts_keys(results):
     assert metrics["iou_mean"] > 0.7
     assert metrics["hull_iou_mean"] > 0.93
     assert metrics["iterations"] == 40
-    assert metrics["silhouettes"] == "silhouettes"
+    assert metrics["silhouettes"] == "scene/silhouettes"
     assert metrics["volume_iou"] > 0.5
     assert {"loss_final", "fit_seconds", "chamfer", "f_score", "normal_consistency"} <= set(metrics)
 
@@ -190,14 +188,13 @@ def test_silhouettes_may_lie_outside_the_results(results, tmp_path):
         mesh=variant / "mesh.ply",
         cameras=variant / "cameras.json",
         loss=variant / "loss.csv",
-        silhouettes=results / "silhouettes",
         sigma=SETTINGS["sigma"],
         scene=results / "scene",
         results=results / "object",
         output=tmp_path / "metrics.json",
     )
     metrics = json.loads((tmp_path / "metrics.json").read_text())
-    assert metrics["silhouettes"] == "../silhouettes"
+    assert metrics["silhouettes"] == "../scene/silhouettes"
     assert "chamfer" not in metrics  # there is no truth
 
 
@@ -208,36 +205,66 @@ def test_no_part_is_left(results):
 def test_cameras_found_from_silhouettes(results, tmp_path):
     views, seen = results / "views", results / "silhouettes"
     arguments = ["--views", views, "--silhouettes", seen, "--step", 45, "--threads", 1]
-    arguments += ["--report", tmp_path / "report.json", "--output", tmp_path / "c.json"]
-    calibrate_step.main([*map(str, arguments)])
-    found = read_cameras(tmp_path / "c.json")
-    assert found.views == read_cameras(results / "cameras.json").views
-    report = json.loads((tmp_path / "report.json").read_text())
-    assert abs(report["estimates"]["step"]["value"]) == 45
-    assert report["estimates"]["elevation"]["value"] == pytest.approx(20, abs=5)
+    calibrate_step.main([*map(str, arguments), "--output", str(tmp_path / "found")])
+    found = read_attempt(tmp_path / "found")
+    assert found.cameras.views == read_cameras(results / "cameras" / "cameras.json").views
+    assert abs(found.figures["estimates"]["step"]["value"]) == 45
+    assert found.figures["estimates"]["elevation"]["value"] == pytest.approx(20, abs=5)
 
 
 def test_a_turntable_needs_no_file(results, tmp_path):
-    call(
-        cameras_step, views=results / "views", turntable=[2.732, 0, -45], output=tmp_path / "c.json"
-    )
+    call(cameras_step, views=results / "views", turntable=[2.732, 0, -45], output=tmp_path / "c")
     expected = turntable(COUNT, SIZE).centres * torch.tensor([-1, 1, 1])  # the other way round
-    torch.testing.assert_close(read_cameras(tmp_path / "c.json").centres, expected)
+    torch.testing.assert_close(read_attempt(tmp_path / "c").cameras.centres, expected)
+
+
+def keep_world(results, cameras, output):
+    """The scene of these cameras, whose world is normalised already."""
+    argv = ["--views", results / "views", "--silhouettes", results / "silhouettes"]
+    scene.main([*map(str, [*argv, "--cameras", cameras, "--output", output]), "--keep-world"])
+
+
+def test_a_scene_holds_just_the_views_that_have_a_camera(results, tmp_path):
+    given = read_cameras(results / "cameras" / "cameras.json")
+    some = Attempt("colmap", given.select([0, 1, 3, 4, 6, 7]), dropped={"v2": "blurred", "v5": ""})
+    write_attempt(tmp_path / "some", some)
+    pictures = {"views": results / "views", "silhouettes": results / "silhouettes"}
+    call(scene, **pictures, cameras=tmp_path / "some", output=tmp_path / "scene")
+    for folder in ("views", "silhouettes"):
+        names = sorted(path.stem for path in (tmp_path / "scene" / folder).iterdir())
+        assert names == ["v0", "v1", "v3", "v4", "v6", "v7"]
+    told = json.loads((tmp_path / "scene" / "scene.json").read_text())
+    assert (told["cameras"], told["dropped"]) == ("colmap", {"v2": "blurred", "v5": ""})
+
+
+def test_of_two_attempts_the_more_coherent_is_taken(results, tmp_path):
+    wrong = turntable_cameras([f"v{i}" for i in range(COUNT)], SIZE, 30, 0, 45)
+    write_attempt(tmp_path / "wrong", Attempt("colmap", wrong))
+    write_attempt(tmp_path / "none", Attempt("calibrate", None, refusal="no turntable"))
+    pictures = {"views": results / "views", "silhouettes": results / "silhouettes"}
+    attempts = [tmp_path / "none", tmp_path / "wrong", results / "cameras"]
+    call(scene, **pictures, cameras=attempts, output=tmp_path / "scene")
+    assert json.loads((tmp_path / "scene" / "scene.json").read_text())["cameras"] == "file"
+
+
+def test_a_refusal_is_told_when_there_is_no_other_attempt(results, tmp_path):
+    write_attempt(tmp_path / "none", Attempt("calibrate", None, refusal="no turntable fits"))
+    pictures = {"views": results / "views", "silhouettes": results / "silhouettes"}
+    with pytest.raises(InputError, match=r"^no turntable fits$"):
+        call(scene, **pictures, cameras=tmp_path / "none", output=tmp_path / "scene")
+    assert not (tmp_path / "scene").exists()
 
 
 def test_cameras_that_hardly_agree_are_told_of_before_the_fit(results, tmp_path, capsys):
     seen = results / "silhouettes"
-    own = {"silhouettes": seen, "cameras": results / "cameras.json", "output": tmp_path / "own"}
-    call(scene, **own)
+    pictures = {"views": results / "views", "silhouettes": seen}
+    call(scene, **pictures, cameras=results / "cameras", output=tmp_path / "own")
     assert capsys.readouterr().out == ""
     wrong = turntable_cameras([f"v{i}" for i in range(COUNT)], SIZE, 30, 0, 45)
-    write_cameras(tmp_path / "wrong.json", wrong)
-    argv = ["--silhouettes", seen, "--cameras", tmp_path / "wrong.json", "--output", tmp_path / "s"]
-    scene.main([*map(str, argv), "--keep-world"])
+    write_attempt(tmp_path / "wrong", Attempt("turntable", wrong))
+    keep_world(results, tmp_path / "wrong", tmp_path / "s")
     said = capsys.readouterr().out
-    assert said.startswith(
-        f"warning: {seen} and {tmp_path / 'wrong.json'} hardly agree: hull IoU 0"
-    )
+    assert said.startswith(f"warning: {seen} and {tmp_path / 'wrong'} hardly agree: hull IoU 0")
 
 
 def test_a_truth_is_read_in_any_format(tmp_path):
@@ -250,19 +277,17 @@ def test_a_truth_is_read_in_any_format(tmp_path):
 
 
 def test_a_world_is_kept_if_asked(results, tmp_path):
-    write_cameras(tmp_path / "c.json", turntable(COUNT, SIZE))
-    argv = ["--silhouettes", results / "silhouettes", "--cameras", tmp_path / "c.json"]
-    scene.main([*map(str, argv), "--keep-world", "--output", str(tmp_path / "scene")])
+    write_attempt(tmp_path / "c", Attempt("turntable", turntable(COUNT, SIZE)))
+    keep_world(results, tmp_path / "c", tmp_path / "scene")
     kept = read_cameras(tmp_path / "scene" / "cameras.json")
     assert torch.equal(kept.t, turntable(COUNT, SIZE).t)
 
 
 def test_a_camera_inside_the_object_is_named_with_its_file(results, tmp_path):
     near = turntable(COUNT, SIZE).in_world_of(Similarity(torch.zeros(3), 0.1))
-    write_cameras(tmp_path / "c.json", near)
-    argv = ["--silhouettes", results / "silhouettes", "--cameras", tmp_path / "c.json"]
-    with pytest.raises(InputError, match=r"c\.json: the camera of view 'v0' stands inside"):
-        scene.main([*map(str, argv), "--keep-world", "--output", str(tmp_path / "scene")])
+    write_attempt(tmp_path / "near", Attempt("turntable", near))
+    with pytest.raises(InputError, match=r"near: the camera of view 'v0' stands inside"):
+        keep_world(results, tmp_path / "near", tmp_path / "scene")
     assert not (tmp_path / "scene").exists()
 
 
@@ -271,7 +296,6 @@ def test_a_gpu_that_is_not_there_is_an_input_error(results, tmp_path):
     with pytest.raises(InputError, match="no GPU"):
         call(
             fit,
-            silhouettes=results / "silhouettes",
             first=results / "first.ply",
             scene=results / "scene",
             **SETTINGS,

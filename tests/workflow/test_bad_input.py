@@ -175,7 +175,8 @@ def test_hold_is_for_one_process(tmp_path):
 
 def test_cameras_of_ones_own(project):
     """A cameras.json is found beside the table, and used whatever its name."""
-    made = json.loads((project / "results/cup/stages/cameras/32-pad-turntable.json").read_text())
+    folder = project / "results/cup/stages/cameras/32-pad-turntable"
+    made = json.loads((folder / "cameras.json").read_text())
     (project / "config/my 'own' cameras.json").write_text(json.dumps(made))
     project.edit("config/datasets.tsv", "turntable\t2.7", "file:my 'own' cameras.json\t2.7")
     project.run("results/cup/round/metrics.json", "--until", "scene")

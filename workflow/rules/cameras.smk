@@ -8,7 +8,7 @@ rule cameras:
         views="results/{object}/stages/views/{views}",
         file=lambda w: with_cameras(w).camera_file or [],
     output:
-        "results/{object}/stages/cameras/{views}-{cameras}.json",
+        directory("results/{object}/stages/cameras/{views}-{cameras}"),
     log:
         "logs/cameras/{object}-{views}-{cameras}.log",
     priority: 10
@@ -23,7 +23,7 @@ rule cameras:
 
 
 # requires  silhouettes of a turntable whose geometry is not known
-# makes     its cameras, and how far to trust them
+# makes     an attempt at its cameras, and how far to trust them
 # runs      silmesh.steps.calibrate
 
 
@@ -32,8 +32,7 @@ rule calibrate:
         views="results/{object}/stages/views/{views}",
         silhouettes="results/{object}/stages/silhouettes/{views}-{source}",
     output:
-        cameras="results/{object}/stages/cameras/{views}-{source}-calibrate.json",
-        report="results/{object}/stages/cameras/{views}-{source}-calibrate.report.json",
+        directory("results/{object}/stages/cameras/{views}-{source}-calibrate"),
     log:
         "logs/cameras/{object}-{views}-{source}-calibrate.log",
     priority: 10
@@ -46,4 +45,4 @@ rule calibrate:
     shell:
         "python -m silmesh.steps.calibrate --views {input.views:q}"
         " --silhouettes {input.silhouettes:q} {params.known} --threads {threads}"
-        " --report {output.report:q} --output {output.cameras:q} 2> {log:q}"
+        " --output {output:q} 2> {log:q}"

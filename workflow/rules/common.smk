@@ -15,9 +15,7 @@ def with_first(wildcards):
 
 def with_cameras(wildcards):
     """A run that has these cameras."""
-    return plan.with_key(
-        wildcards.object, "cameras", f"{wildcards.views}-{wildcards.cameras}"
-    )
+    return plan.with_cameras(wildcards.object, f"{wildcards.views}-{wildcards.cameras}")
 
 
 def camera_source(wildcards):
@@ -32,7 +30,7 @@ def camera_source(wildcards):
 def known_geometry(wildcards):
     """The arguments that say what is known of a turntable whose geometry is to be found."""
     key = f"{wildcards.views}-{wildcards.source}-calibrate"
-    known = plan.with_key(wildcards.object, "cameras", key).turntable
+    known = plan.with_cameras(wildcards.object, key).turntable
     values = {"--elevation": known.elevation, "--step": known.step}
     return " ".join(f"{k}={v}" for k, v in values.items() if v is not None)
 
@@ -43,7 +41,6 @@ def fit_inputs(wildcards):
     stages = f"results/{wildcards.object}/stages"
     return {
         "first": f"{stages}/first/{run.first_key}.ply",
-        "silhouettes": f"{stages}/silhouettes/{run.silhouettes_key}",
         "scene": f"{stages}/scenes/{run.scene_key}",
     }
 
@@ -64,7 +61,6 @@ def evaluate_inputs(wildcards):
     truth = plan.run(wildcards.object, wildcards.variant).dataset.truth
     stages = fit_inputs(wildcards)
     return {
-        "silhouettes": stages["silhouettes"],
         "scene": stages["scene"],
         "truth": f"results/{wildcards.object}/stages/truth.ply" if truth else [],
     }

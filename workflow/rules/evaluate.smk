@@ -1,4 +1,4 @@
-# requires  a fitted mesh with its cameras and losses, silhouettes, the scene, perhaps the truth
+# requires  a fitted mesh with its cameras and losses, the scene, perhaps the truth
 # makes     its metrics
 # runs      silmesh.steps.evaluate
 
@@ -23,6 +23,6 @@ rule evaluate:
         "{wildcards.object}/{wildcards.variant}: evaluating"
     shell:
         "python -m silmesh.steps.evaluate --mesh {input.mesh:q} --cameras {input.cameras:q}"
-        " --loss {input.loss:q} --silhouettes {input.silhouettes:q} --scene {input.scene:q}"
+        " --loss {input.loss:q} --scene {input.scene:q}"
         " {params.truth} {params.settings}"
         " --threads {threads} --output {output:q} 2> {log:q}"

@@ -1,11 +1,10 @@
-# requires  silhouettes and the scene
+# requires  the scene
 # makes     a first mesh at unit size
 # runs      silmesh.steps.first
 
 
 rule first:
     input:
-        silhouettes=lambda w: f"results/{w.object}/stages/silhouettes/{with_first(w).silhouettes_key}",
         scene=lambda w: f"results/{w.object}/stages/scenes/{with_first(w).scene_key}",
     output:
         "results/{object}/stages/first/{first}.ply",
@@ -20,6 +19,5 @@ rule first:
     message:
         "{wildcards.object}: making the first mesh {wildcards.first}"
     shell:
-        "python -m silmesh.steps.first --silhouettes {input.silhouettes:q}"
-        " --cameras {input.scene:q}/cameras.json {params.settings}"
+        "python -m silmesh.steps.first --scene {input.scene:q} {params.settings}"
         " --output {output:q} 2> {log:q}"

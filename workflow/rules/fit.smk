@@ -1,4 +1,4 @@
-# requires  a first mesh, silhouettes and the scene
+# requires  a first mesh and the scene
 # makes     the fitted mesh, its cameras and its losses
 # runs      silmesh.steps.fit
 
@@ -22,7 +22,7 @@ rule fit:
         "{wildcards.object}/{wildcards.variant}: fitting"
     shell:
         "python -m silmesh.steps.fit --first {input.first:q}"
-        " --silhouettes {input.silhouettes:q} --scene {input.scene:q} {params.settings}"
+        " --scene {input.scene:q} {params.settings}"
         " --threads {threads} --name {wildcards.object}/{wildcards.variant}"
         " --meshes {output.meshes:q} --cameras {output.cameras:q} --loss {output.loss:q}"
         " 2> {log:q}"

@@ -1,4 +1,4 @@
-# requires  every run's losses, metrics and mesh, with its views and silhouettes
+# requires  every run's losses, metrics and mesh, with its scene
 # makes     a loss figure an object, a picture a run, two tables of all, and the page with them
 # runs      silmesh.steps.figure, silmesh.steps.picture, silmesh.steps.report
 
@@ -35,8 +35,7 @@ rule picture:
     input:
         mesh="results/{object}/{variant}/mesh.ply",
         cameras="results/{object}/{variant}/cameras.json",
-        views=lambda w: f"results/{w.object}/stages/views/{plan.run(w.object, w.variant).views_key}",
-        silhouettes=lambda w: fit_inputs(w)["silhouettes"],
+        scene=lambda w: fit_inputs(w)["scene"],
     output:
         report(
             "results/report/pictures/{object}/{variant}.png",
@@ -53,8 +52,7 @@ rule picture:
         "{wildcards.object}/{wildcards.variant}: drawing the mesh beside its photographs"
     shell:
         "python -m silmesh.steps.picture --mesh {input.mesh:q} --cameras {input.cameras:q}"
-        " --views {input.views:q} --silhouettes {input.silhouettes:q}"
-        " --output {output:q} 2> {log:q}"
+        " --scene {input.scene:q} --output {output:q} 2> {log:q}"
 
 
 rule page:

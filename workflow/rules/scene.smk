@@ -1,12 +1,16 @@
-# requires  silhouettes and cameras
-# makes     cameras in the normalised world, and how well the visual hull fills the silhouettes
+# requires  working images, silhouettes, and attempts at cameras
+# makes     the views that are fitted, their silhouettes, and the most coherent cameras, normalised
 # runs      silmesh.steps.scene
 
 
 rule scene:
     input:
+        views=lambda w: f"results/{w.object}/stages/views/{with_scene(w).views_key}",
         silhouettes=lambda w: f"results/{w.object}/stages/silhouettes/{with_scene(w).silhouettes_key}",
-        cameras=lambda w: f"results/{w.object}/stages/cameras/{with_scene(w).cameras_key}.json",
+        cameras=lambda w: [
+            f"results/{w.object}/stages/cameras/{key}"
+            for key in with_scene(w).cameras_keys
+        ],
     output:
         directory("results/{object}/stages/scenes/{scene}"),
     log:
@@ -19,6 +23,6 @@ rule scene:
     message:
         "{wildcards.object}: carving the visual hull"
     shell:
-        "python -m silmesh.steps.scene --silhouettes {input.silhouettes:q}"
+        "python -m silmesh.steps.scene --views {input.views:q} --silhouettes {input.silhouettes:q}"
         " --cameras {input.cameras:q} {params.world} --threads {threads}"
         " --output {output:q} 2> {log:q}"

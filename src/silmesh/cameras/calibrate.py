@@ -10,20 +10,18 @@ of view says how strong the perspective is: the distance is WIDTH / 2 / tan(half
 priors, worth one residual each, keep what the data leave open.
 """
 
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
 from scipy.optimize import OptimizeResult, least_squares
 
+from silmesh.cameras.attempt import Attempt
 from silmesh.cameras.camera import Cameras
 from silmesh.cameras.tangency import Misses, Outlines, Pose, find_misses, measure_at, place, trace
 from silmesh.errors import InputError
-from silmesh.files import replacing
 
 FEWEST_VIEWS = 3
 WIDTH = 1.6  # of the image at the axis, in world units
@@ -138,19 +136,23 @@ def calibrate(
     return _report(turn, best, misses, known, views, certain)
 
 
-def write_report(path: Path | str, found: Calibration) -> None:
-    """Write what was found, but for the cameras, as JSON."""
-    report = {
+def attempt_calibration(
+    silhouettes: np.ndarray, views: Sequence[str], **known: float | bool | None
+) -> Attempt:
+    """``calibrate`` with the same arguments, as an attempt: a refusal is kept, not raised."""
+    try:
+        found = calibrate(silhouettes, views, **known)
+    except InputError as error:
+        return Attempt("calibrate", None, refusal=str(error))
+    figures = {
         "estimates": {name: asdict(e) for name, e in found.estimates.items()},
         "row": float(found.row),
         "direction_certain": found.direction_certain,
         "rms": found.rms,
         "view_rms": dict(zip(found.cameras.views, found.view_rms.tolist(), strict=True)),
         "offsets": dict(zip(found.cameras.views, found.offsets.tolist(), strict=True)),
-        "warnings": found.warnings,
     }
-    with replacing(path) as part:
-        part.write_text(json.dumps(report, indent=1) + "\n")
+    return Attempt("calibrate", found.cameras, warnings=found.warnings, figures=figures)
 
 
 class _Turntable:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import torch
 
-from silmesh.cameras.calibrate import calibrate, write_report
-from silmesh.cameras.camera import write_cameras
+from silmesh.cameras.attempt import write_attempt
+from silmesh.cameras.calibrate import attempt_calibration
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import parser, run
 from silmesh.views import read_views
@@ -28,8 +28,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         help="the camera does not look up at the table",
     )
     args.add_argument("--threads", type=int, default=torch.get_num_threads())
-    args.add_argument("--report", type=Path, required=True, help="report to write, JSON")
-    args.add_argument("--output", type=Path, required=True, help="cameras.json to write")
+    args.add_argument("--output", type=Path, required=True, help="folder to make")
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)
     views = read_views(given.views)
@@ -37,11 +36,17 @@ def main(argv: Sequence[str] | None = None) -> None:
     to_working = views[0].pixel_map
     aspect = float(to_working[1, 1] / to_working[0, 0])
     silhouettes = read_silhouettes(given.silhouettes, names)
-    found = calibrate(silhouettes, names, given.step, given.elevation, given.above_table, aspect)
-    for warning in found.warnings:
+    attempt = attempt_calibration(
+        silhouettes,
+        names,
+        step=given.step,
+        elevation=given.elevation,
+        above_table=given.above_table,
+        aspect=aspect,
+    )
+    for warning in attempt.warnings:
         print(f"silmesh: {warning}", file=sys.stderr)
-    write_report(given.report, found)
-    write_cameras(given.output, found.cameras)
+    write_attempt(given.output, attempt)
 
 
 if __name__ == "__main__":

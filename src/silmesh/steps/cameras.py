@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from silmesh.cameras.camera import write_cameras
+from silmesh.cameras.attempt import Attempt, write_attempt
 from silmesh.cameras.formats import cameras_from_file
 from silmesh.cameras.turntable import turntable_cameras
 from silmesh.errors import blaming
@@ -24,7 +24,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         help="in scene units and degrees",
     )
     source.add_argument("--file", type=Path, help="camera.npy or cameras.json")
-    args.add_argument("--output", type=Path, required=True, help="cameras.json to write")
+    args.add_argument("--output", type=Path, required=True, help="folder to make")
     given = args.parse_args(argv)
     views = read_views(given.views)
     if given.file:
@@ -34,7 +34,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         numbers = ",".join(f"{number:g}" for number in given.turntable)
         with blaming(f"turntable {numbers} of {given.views}"):
             cameras = turntable_cameras(names, views[0].size, *given.turntable)
-    write_cameras(given.output, cameras)
+    write_attempt(given.output, Attempt("file" if given.file else "turntable", cameras))
 
 
 if __name__ == "__main__":

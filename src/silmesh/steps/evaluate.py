@@ -12,7 +12,7 @@ from silmesh.cameras.camera import read_cameras
 from silmesh.evaluation import compare_to_truth, silhouette_iou, summarise_iou
 from silmesh.files import replacing
 from silmesh.meshes import read_mesh, to_tensors
-from silmesh.scene import read_scene
+from silmesh.scene import SILHOUETTES, read_scene
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import parser, run
 from silmesh.views import held_out
@@ -24,7 +24,6 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--mesh", type=Path, required=True, help="the fitted mesh")
     args.add_argument("--cameras", type=Path, required=True, help="cameras.json of its world")
     args.add_argument("--loss", type=Path, required=True, help="loss.csv of its fit")
-    args.add_argument("--silhouettes", type=Path, required=True, help="folder of the silhouettes")
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
     args.add_argument("--truth", type=Path, help="the true mesh, in the cameras' world")
     args.add_argument("--holdout", type=int, default=0, help="every n-th view was kept out")
@@ -36,7 +35,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     torch.set_num_threads(given.threads)
 
     cameras, mesh = read_cameras(given.cameras), read_mesh(given.mesh)
-    silhouettes = read_silhouettes(given.silhouettes, cameras.views)
+    folder = given.scene / SILHOUETTES
+    silhouettes = read_silhouettes(folder, cameras.views)
     iou = silhouette_iou(*to_tensors(mesh), cameras, silhouettes, given.sigma)
     last = pd.read_csv(given.loss).iloc[-1]
     metrics = {
@@ -47,7 +47,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         "fit_seconds": float(last["seconds"]),
         "vertices": len(mesh.vertices),
         "faces": len(mesh.faces),
-        "silhouettes": Path(os.path.relpath(given.silhouettes, given.results)).as_posix(),
+        "silhouettes": Path(os.path.relpath(folder, given.results)).as_posix(),
     }
     if given.truth:
         metrics |= compare_to_truth(mesh, read_mesh(given.truth))

@@ -13,7 +13,7 @@ from silmesh.files import replacing
 from silmesh.fitting.loop import Record, Settings, fit
 from silmesh.meshes import read_mesh, to_tensors, write_mesh
 from silmesh.progress import Progress
-from silmesh.scene import read_scene
+from silmesh.scene import SILHOUETTES, read_scene
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import parser, run
 from silmesh.views import held_out
@@ -23,7 +23,6 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Parse, load, call, save."""
     args = parser(__doc__)
     args.add_argument("--first", type=Path, required=True, help="first mesh, at unit size")
-    args.add_argument("--silhouettes", type=Path, required=True, help="folder of the silhouettes")
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
     args.add_argument("--iterations", type=int, required=True, help="steps of Adam")
     args.add_argument("--learning-rate", type=float, required=True, help="Adam's")
@@ -45,7 +44,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     cameras, similarity, _ = read_scene(given.scene)
     kept = sorted(set(range(len(cameras))) - set(held_out(len(cameras), given.holdout)))
     device = _choose_device(given.device)
-    silhouettes = torch.tensor(read_silhouettes(given.silhouettes, cameras.views)[kept])
+    silhouettes = torch.tensor(read_silhouettes(given.scene / SILHOUETTES, cameras.views)[kept])
     template, faces = (part.to(device) for part in to_tensors(read_mesh(given.first)))
     progress = Progress(given.name, settings.iterations)
     with blaming(given.name):
