@@ -12,8 +12,8 @@ The equations are those of ``silmesh.softras.reference``. What is particular her
 - In each row of a window only the span that lies within the cutoff of all three edges' half-planes
   is visited, eight pixels at a time, without branches.
 - A pixel whose P has reached SPENT is opaque to within 1 / SPENT and passes no gradient. A face
-  that reaches only cells of CELL x CELL such pixels is passed over before it is set up: as the image
-  fills, and on the way back.
+  that reaches only cells of CELL x CELL such pixels is passed over before it is set up: as the
+  image fills, and on the way back.
 
 Views are independent of each other, and so are the bands of rows that the views of a small batch
 are cut into. The faces of a band are visited in order by one thread, and the cut depends on the
