@@ -19,7 +19,7 @@ from silmesh.meshes import read_mesh
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps import calibrate as calibrate_step
 from silmesh.steps import cameras as cameras_step
-from silmesh.steps import evaluate, first, fit, scene, truth, views
+from silmesh.steps import colour, evaluate, first, fit, scene, truth, views
 from silmesh.steps import silhouettes as silhouettes_step
 from silmesh.steps.command import run
 
@@ -100,9 +100,16 @@ def results(tmp_path_factory):
         holdout=4,
         device="cpu",
         threads=1,
-        meshes=[variant / f"mesh.{ending}" for ending in ("ply", "obj", "glb")],
+        meshes=variant / "mesh.ply",
         cameras=variant / "cameras.json",
         loss=variant / "loss.csv",
+    )
+    call(
+        colour,
+        mesh=variant / "mesh.ply",
+        cameras=variant / "cameras.json",
+        scene=out / "scene",
+        meshes=[variant / "mesh.obj", variant / "mesh.glb"],
     )
     call(
         evaluate,
@@ -158,6 +165,11 @@ def test_the_mesh_is_in_the_worlds_own_frame(results, ending):
     mesh = trimesh.load_mesh(results / "object" / "variant" / f"mesh.{ending}", process=False)
     np.testing.assert_allclose(mesh.bounds.mean(axis=0), CENTRE, atol=4)
     np.testing.assert_allclose(mesh.extents / 2, AXES, rtol=0.35)
+
+
+def test_the_mesh_has_the_photographs_grey(results):
+    mesh = trimesh.load_mesh(results / "object" / "variant" / "mesh.obj", process=False)
+    assert np.median(mesh.visual.vertex_colors[:, :3]) == pytest.approx(200, abs=2)
 
 
 def test_the_meshs_cameras_are_those_given_in_working_pixels(results):
