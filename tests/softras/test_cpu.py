@@ -130,7 +130,7 @@ def make_layers(count, size):
 
 
 def test_passing_over_what_is_spent_changes_nothing_that_counts():
-    points, faces = make_layers(400, 96)  # the cells are looked at when 512 faces are drawn
+    points, faces = make_layers(600, 96)  # the cells are looked at when 1,024 faces are drawn
     upstream = torch.rand(1, 96, 96, generator=torch.Generator().manual_seed(4))
     results = []
     for dtype in (torch.float32, torch.float64):
