@@ -34,6 +34,7 @@ SWEEPS = {
     "pixels": [64, 128, 256, 512],
     "views": [1, 8, 72],
 }
+MEMORY = [(2700, 256, 72), (20000, 1024, 72)]  # faces, pixels, views
 QUICK = {"faces": [1280, 2700], "pixels": [128, 256], "views": [1, 8]}
 
 
@@ -94,21 +95,28 @@ def read_peak_memory() -> float:
     return int(status.partition("VmHWM:")[2].split()[0]) / 1024
 
 
-def measure_peak_memory() -> dict:
-    """How far 72 views of 256 x 256 and 2,700 faces raise the peak of a fresh process, in MiB."""
+def measure_peak_memory(faces: int, pixels: int, views: int) -> dict:
+    """How far one scene, forward and backward, raises the peak of a fresh process, in MiB."""
     code = (
         "from benchmarks.rasteriser import measure, read_peak_memory;"
         "measure(2700, 64, 8, 1);"
         "before = read_peak_memory();"
-        "measure(2700, 256, 72, 1);"
-        "print(read_peak_memory() - before)"
+        f"measure({faces}, {pixels}, {views}, 1);"
+        "print(before, read_peak_memory())"
     )
     root = Path(__file__).parents[1]
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=root, check=True, capture_output=True, text=True
     )
-    image = 72 * 256 * 256 * 4 / 2**20
-    return {"raised_mib": round(float(done.stdout), 1), "alpha_itself_mib": round(image, 1)}
+    before, after = map(float, done.stdout.split())
+    return {
+        "faces": faces,
+        "pixels": pixels,
+        "views": views,
+        "raised_mib": round(after - before, 1),
+        "whole_process_mib": round(after, 1),
+        "alpha_itself_mib": round(views * pixels**2 * 4 / 2**20, 1),
+    }
 
 
 def describe_machine() -> dict:
@@ -155,7 +163,9 @@ def main() -> None:
         report["growth"]["pixels (their number)" if name == "pixels" else name] = fit_growth(
             name, rows
         )
-    report["memory"] = measure_peak_memory()
+    report["memory"] = [
+        measure_peak_memory(*scene) for scene in MEMORY[: 1 if quick else len(MEMORY)]
+    ]
     print(json.dumps(report, indent=2))
 
 

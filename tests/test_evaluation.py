@@ -98,6 +98,26 @@ def test_held_out_views_are_told_apart():
     assert summarise_iou(iou, [])["iou_mean"] == pytest.approx(0.5)
 
 
+def test_a_torn_truth_still_has_its_volume():
+    """A hole, and a seam along which the vertices are not shared."""
+    ball = trimesh.creation.icosphere(4)
+    half = ball.triangles_center[:, 0] < 0
+    parts = [trimesh.Trimesh(ball.vertices, ball.faces[part]) for part in (half, ~half)]
+    torn = trimesh.util.concatenate(
+        [parts[0], trimesh.Trimesh(parts[1].vertices, parts[1].faces[9:])]
+    )
+    assert not torn.is_watertight
+    metrics = compare_to_truth(sphere(0.9), torn)
+    assert metrics["volume_iou"] == pytest.approx(0.9**3, abs=0.02)
+
+
+def test_a_mesh_turned_inside_out_has_its_volume():
+    ball = trimesh.creation.icosphere(3)
+    turned = ball.copy()
+    turned.invert()
+    assert compare_to_truth(turned, ball)["volume_iou"] == 1
+
+
 def test_an_open_truth_has_no_volume():
     ball = trimesh.creation.icosphere(3)
     bowl = trimesh.Trimesh(ball.vertices, ball.faces[ball.triangles_center[:, 1] < 0])

@@ -1,10 +1,12 @@
+import json
+
 import numpy as np
 import pytest
 import torch
 import trimesh
 
 from silmesh.errors import InputError
-from silmesh.meshes import read_mesh, refuse_flat, to_tensors, write_mesh
+from silmesh.meshes import read_mesh, refuse_flat, to_tensors, write_coloured, write_mesh
 from silmesh.shapes.sphere import unit_sphere
 
 
@@ -51,3 +53,30 @@ def test_points_alone_are_no_mesh(tmp_path):
     trimesh.PointCloud(np.eye(3)).export(tmp_path / "points.ply")
     with pytest.raises(InputError, match=r"points\.ply: holds no triangle"):
         read_mesh(tmp_path / "points.ply")
+
+
+def test_a_glb_has_linear_colours_and_no_metal(tmp_path):
+    mesh = trimesh.creation.box()
+    colours = np.tile(np.array([[188, 0, 255]], np.uint8), (8, 1))
+    write_coloured([tmp_path / "m.glb", tmp_path / "m.obj"], mesh, colours)
+    raw = (tmp_path / "m.glb").read_bytes()
+    length = int.from_bytes(raw[12:16], "little")
+    tree = json.loads(raw[20 : 20 + length])
+    primitive = tree["meshes"][0]["primitives"][0]
+    accessor = tree["accessors"][primitive["attributes"]["COLOR_0"]]
+    assert (accessor["componentType"], accessor["type"], accessor["count"]) == (5126, "VEC4", 8)
+    start = 20 + length + 8 + tree["bufferViews"][accessor["bufferView"]].get("byteOffset", 0)
+    values = np.frombuffer(raw[start : start + 8 * 16], "<f4").reshape(8, 4)
+    np.testing.assert_allclose(values, [[0.5029, 0, 1, 1]] * 8, atol=1e-4)  # 188 of 255 is half
+    surface = tree["materials"][primitive["material"]]["pbrMetallicRoughness"]
+    assert (surface["metallicFactor"], surface["roughnessFactor"]) == (0, 1)
+    assert not any(key.startswith("_") for key in primitive["attributes"])
+    assert len(read_mesh(tmp_path / "m.glb").vertices) == 8
+
+
+def test_an_obj_has_its_colours_as_they_are(tmp_path):
+    colours = np.arange(24, dtype=np.uint8).reshape(8, 3)
+    write_coloured([tmp_path / "m.obj"], trimesh.creation.box(), colours)
+    rows = [line.split() for line in (tmp_path / "m.obj").read_text().splitlines()]
+    found = np.array([row[4:7] for row in rows if row and row[0] == "v"], float)
+    np.testing.assert_allclose(found * 255, colours, atol=0.01)

@@ -172,3 +172,12 @@ def test_what_is_not_planned_is_not_found(plan):
         found.run("cup", "b")
     with pytest.raises(InputError, match="object 'jug': no variant"):
         found.with_key("jug", "views", "256-pad")
+
+
+@pytest.mark.parametrize(
+    ("cameras", "estimated"),
+    [("turntable", False), ("file:cameras.json", False), ("calibrate", True)],
+)
+def test_estimated_cameras_have_a_frame_of_their_own(plan, cameras, estimated):
+    found = plan("a: {}", f"cup\tphotos\tmasks\tmask\t{cameras}\t2.7,0,5\t")
+    assert found.run("cup", "a").estimates_cameras == estimated

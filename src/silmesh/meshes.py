@@ -47,3 +47,45 @@ def write_mesh(paths: Sequence[Path], verts: Tensor, faces: Tensor) -> None:
     for path in paths:
         with replacing(path) as part:
             mesh.export(part)
+
+
+def write_coloured(paths: Sequence[Path], mesh: trimesh.Trimesh, colours: np.ndarray) -> None:
+    """Write a mesh with colours of its vertices to each of these paths, ``.obj`` or ``.glb``.
+
+    Args:
+        colours: [verts, 3] uint8, sRGB. glTF's vertex colours are linear, those of other formats
+            by custom not.
+    """
+    for path in paths:
+        with replacing(path) as part:
+            if path.suffix == ".glb":
+                part.write_bytes(_encode_glb(mesh, colours))
+            else:
+                coloured = trimesh.Trimesh(
+                    mesh.vertices, mesh.faces, vertex_colors=colours, process=False
+                )
+                coloured.export(part)
+
+
+def _encode_glb(mesh: trimesh.Trimesh, colours: np.ndarray) -> bytes:
+    """glTF with float colours, in a material that shows them as they are: no metal, no gloss."""
+    coloured = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
+    material = trimesh.visual.material.PBRMaterial(metallicFactor=0.0, roughnessFactor=1.0)
+    coloured.visual = trimesh.visual.TextureVisuals(material=material)
+    linear = np.pad(to_linear(colours), [(0, 0), (0, 1)], constant_values=1)
+    coloured.vertex_attributes["COLOUR"] = linear.astype(np.float32)
+
+    def name_colours(tree: dict) -> None:  # trimesh's own are of 8 bits, too few for linear ones
+        for part in tree["meshes"]:
+            attributes = part["primitives"][0]["attributes"]
+            attributes["COLOR_0"] = attributes.pop("_COLOUR")
+
+    return trimesh.exchange.gltf.export_glb(
+        coloured, include_normals=True, tree_postprocessor=name_colours
+    )
+
+
+def to_linear(colours: np.ndarray) -> np.ndarray:
+    """sRGB of 0 to 255 as linear light of 0 to 1 (IEC 61966-2-1)."""
+    share = np.asarray(colours, float) / 255
+    return np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)

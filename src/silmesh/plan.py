@@ -91,6 +91,11 @@ class Run:
         return self.cameras == "turntable" or self.cameras.endswith(".npy")
 
     @property
+    def estimates_cameras(self) -> bool:
+        """Whether the cameras are found from the pictures, so that their frame is arbitrary."""
+        return self.cameras in ("calibrate", "colmap", "auto")
+
+    @property
     def _cameras_name(self) -> str:
         if self.camera_file is None:
             return self.cameras

@@ -232,6 +232,15 @@ def read_views(folder: Path) -> list[View]:
     return [View(**row) for row in json.loads((folder / MANIFEST).read_text())]
 
 
+def read_pictures(folder: Path, views: Sequence[str]) -> np.ndarray:
+    """The working images of these views: [views, height, width, 3] uint8, sRGB."""
+    pictures = []
+    for view in views:
+        with Image.open(folder / f"{view}.png") as image:
+            pictures.append(np.asarray(image.convert("RGB")))
+    return np.stack(pictures)
+
+
 def held_out(views: int, every: int) -> list[int]:
     """The positions of the views that are kept out of the fit: every n-th, none for 0.
 

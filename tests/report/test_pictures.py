@@ -20,6 +20,7 @@ from silmesh.report.pictures import (
     draw_outlines,
     draw_picture,
     frame,
+    paint,
     quarter_turn,
     raised,
     shade,
@@ -202,3 +203,18 @@ def test_the_picture_of_a_perfect_fit(cameras, mesh, tmp_path):
     colours = {tuple(c) for c in np.asarray(picture).reshape(-1, 3).tolist()}
     assert MESH in colours
     assert SILHOUETTE in colours
+
+
+def test_colours_are_mixed_between_the_corners(cameras):
+    """A triangle before the camera, red, green and blue at its corners."""
+    camera = camera_of(cameras, 0)
+    right, up = camera.R[0], -camera.R[1]
+    verts = np.stack([-0.3 * right, 0.3 * right, 0.4 * up])
+    colours = 255 * np.eye(3, dtype=np.uint8)
+    flat = trimesh.Trimesh(verts, [[0, 1, 2]], vertex_colors=colours, process=False)
+    hits = trace(flat, camera)
+    image = paint(flat, hits)
+    np.testing.assert_allclose(
+        image[~hits.mask], np.tile(np.array(GROUND) / 255, [(~hits.mask).sum(), 1])
+    )
+    np.testing.assert_allclose(image[hits.mask], hits.weights, atol=1e-9)

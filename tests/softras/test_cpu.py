@@ -120,17 +120,77 @@ def render_both_ways(points, faces, size):
     return alpha.detach(), points.grad
 
 
+def make_layers(count, size):
+    """Squares of two triangles that slide over each other in the middle, so that it is opaque."""
+    generator = torch.Generator().manual_seed(3)
+    square = torch.tensor([[0.2, 0.2], [0.8, 0.25], [0.75, 0.8], [0.2, 0.75]]) * size
+    points = square + 0.05 * size * torch.randn(count, 4, 2, generator=generator)
+    faces = torch.tensor([[0, 1, 2], [0, 2, 3]])
+    return points.reshape(1, -1, 2), (4 * torch.arange(count)[:, None, None] + faces).reshape(-1, 3)
+
+
+def test_passing_over_what_is_spent_changes_nothing_that_counts():
+    points, faces = make_layers(600, 96)  # the cells are looked at when 1,024 faces are drawn
+    upstream = torch.rand(1, 96, 96, generator=torch.Generator().manual_seed(4))
+    results = []
+    for dtype in (torch.float32, torch.float64):
+        p = points.to(dtype, copy=True).requires_grad_()
+        alpha = soft_silhouettes(p, faces, (96, 96), 1e-3)
+        alpha.backward(upstream.to(dtype))
+        results.append((alpha.detach().double(), p.grad.double()))
+    (alpha, gradient), (true_alpha, true_gradient) = results
+    assert (true_alpha > 1 - 1e-6).float().mean() > 0.2
+    clear = ~find_doubtful(points, faces, (96, 96), 1e-3)
+    assert ((alpha - true_alpha).abs() * clear).max() < 1e-5
+    assert (gradient - true_gradient).norm() < 1e-4 * true_gradient.norm()
+
+
+def test_a_face_among_spent_pixels_gets_no_gradient():
+    points, faces = make_layers(300, 96)
+    hidden = torch.tensor([[[44.0, 44.0], [52.0, 45.0], [46.0, 52.0]]])
+    faces = torch.cat([faces, points.shape[1] + torch.arange(3)[None]])
+    points = torch.cat([points, hidden], dim=1).requires_grad_()
+    soft_silhouettes(points, faces, (96, 96), 1e-4).sum().backward()
+    assert (points.grad[0, -3:] == 0).all()
+    assert (points.grad[0, :-3] != 0).any()
+
+
+def test_bands_leave_no_seam():
+    """One view is cut into bands, two are not."""
+    points, faces = make_soup((120, 90), 1000.0)
+    upstream = torch.rand(1, 120, 90, generator=torch.Generator().manual_seed(5))
+    assert len(cpu._cut(1, 120)) > len(cpu._cut(2, 120)) == 1
+    results = []
+    for count in (1, 2):
+        p = points[:1].clone().requires_grad_()
+        alpha = soft_silhouettes(p.expand(count, -1, -1), faces, (120, 90))
+        alpha[:1].backward(upstream)
+        results.append((alpha[:1].detach(), p.grad))
+    (alpha, gradient), (whole, whole_gradient) = results
+    clear = ~find_doubtful(points[:1], faces, (120, 90), 1e-4)
+    assert ((alpha - whole).abs() * clear).max() < 1e-5
+    assert (gradient - whole_gradient).norm() < 1e-4 * whole_gradient.norm()
+
+
+def test_without_a_gradient_alpha_is_the_same(few_views):
+    points, faces, size = few_views
+    alpha, _ = render_both_ways(points, faces, size)
+    assert torch.equal(soft_silhouettes(points, faces, size), alpha)
+
+
 @pytest.fixture
 def few_views():
     points, faces = make_sphere(200, (64, 64))
     return torch.cat([points + shift for shift in (0.0, 3.3, -7.1, 20.0, 0.5)]), faces, (64, 64)
 
 
-def test_threads_change_no_bit(few_views):
+@pytest.mark.parametrize("views", [1, 5])
+def test_threads_change_no_bit(few_views, views):
+    points, faces, size = few_views
     results = []
     for threads in (1, 2, 3, 3):
         torch.set_num_threads(threads)
-        results.append(render_both_ways(*few_views))
+        results.append(render_both_ways(points[:views], faces, size))
     for alpha, gradient in results[1:]:
         assert torch.equal(alpha, results[0][0])
         assert torch.equal(gradient, results[0][1])

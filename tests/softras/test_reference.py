@@ -27,9 +27,9 @@ def test_gradient_of_faces_without_area():
     assert torch.autograd.gradcheck(lambda p: soft_silhouettes(p, faces, (5, 7), 0.5), points)
 
 
-def test_tiles_and_chunks_leave_no_seams(monkeypatch):
+def test_bins_and_chunks_leave_no_seams(monkeypatch):
     points, faces = make_soup(30, 20, 40.0)
     whole = soft_silhouettes(points, faces, (37, 40), 1e-3)
-    monkeypatch.setattr(reference, "TILE", 5)
-    monkeypatch.setattr(reference, "FACES", 3)
+    monkeypatch.setattr(reference, "BIN", 5)
+    monkeypatch.setattr(reference, "PAIRS", 30)
     torch.testing.assert_close(soft_silhouettes(points, faces, (37, 40), 1e-3), whole)

@@ -190,3 +190,17 @@ def test_cuda_agrees_with_cpu():
         results.append((alpha.detach().cpu(), p.grad.cpu()))
     for on_cpu, on_cuda in zip(*results, strict=True):
         torch.testing.assert_close(on_cuda, on_cpu, rtol=1e-9, atol=1e-9)
+
+
+@CUDA
+def test_memory_on_a_gpu_is_bounded():
+    """72 views of 3,840 faces, forward and backward, in a small part of any GPU."""
+    generator = torch.Generator().manual_seed(0)
+    middles = 40 + 176 * torch.rand(72, 3840, 1, 2, generator=generator)
+    points = middles + 8 * torch.rand(72, 3840, 3, 2, generator=generator)
+    points = points.reshape(72, -1, 2).cuda().requires_grad_()
+    faces = torch.arange(3 * 3840, device="cuda").reshape(-1, 3)
+    torch.cuda.reset_peak_memory_stats()
+    soft_silhouettes(points, faces, (256, 256)).square().sum().backward()
+    assert points.grad.isfinite().all()
+    assert torch.cuda.max_memory_allocated() < 2 * 2**30

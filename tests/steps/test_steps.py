@@ -19,7 +19,7 @@ from silmesh.meshes import read_mesh
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps import calibrate as calibrate_step
 from silmesh.steps import cameras as cameras_step
-from silmesh.steps import evaluate, first, fit, scene, truth, views
+from silmesh.steps import colour, evaluate, first, fit, scene, truth, views
 from silmesh.steps import silhouettes as silhouettes_step
 from silmesh.steps.command import run
 
@@ -100,9 +100,16 @@ def results(tmp_path_factory):
         holdout=4,
         device="cpu",
         threads=1,
-        meshes=[variant / f"mesh.{ending}" for ending in ("ply", "obj", "glb")],
+        meshes=variant / "mesh.ply",
         cameras=variant / "cameras.json",
         loss=variant / "loss.csv",
+    )
+    call(
+        colour,
+        mesh=variant / "mesh.ply",
+        cameras=variant / "cameras.json",
+        scene=out / "scene",
+        meshes=[variant / "mesh.obj", variant / "mesh.glb"],
     )
     call(
         evaluate,
@@ -160,6 +167,11 @@ def test_the_mesh_is_in_the_worlds_own_frame(results, ending):
     np.testing.assert_allclose(mesh.extents / 2, AXES, rtol=0.35)
 
 
+def test_the_mesh_has_the_photographs_grey(results):
+    mesh = trimesh.load_mesh(results / "object" / "variant" / "mesh.obj", process=False)
+    assert np.median(mesh.visual.vertex_colors[:, :3]) == pytest.approx(200, abs=2)
+
+
 def test_the_meshs_cameras_are_those_given_in_working_pixels(results):
     fitted = read_cameras(results / "object" / "variant" / "cameras.json")
     given = read_cameras(results / "cameras" / "cameras.json")
@@ -178,6 +190,9 @@ def test_metrics_have_the_contracts_keys(results):
     assert metrics["iterations"] == 40
     assert metrics["silhouettes"] == "scene/silhouettes"
     assert metrics["volume_iou"] > 0.5
+    assert (metrics["components"], metrics["genus"], metrics["manifold"]) == (1, 0, True)
+    assert {"self_intersections", "edge_length_spread", "smallest_angle"} <= set(metrics)
+    assert "aligned" not in metrics  # the cameras were given
     assert {"loss_final", "fit_seconds", "chamfer", "f_score", "normal_consistency"} <= set(metrics)
 
 
@@ -196,6 +211,22 @@ def test_silhouettes_may_lie_outside_the_results(results, tmp_path):
     metrics = json.loads((tmp_path / "metrics.json").read_text())
     assert metrics["silhouettes"] == "../scene/silhouettes"
     assert "chamfer" not in metrics  # there is no truth
+
+
+def test_a_mesh_of_estimated_cameras_is_aligned_with_its_truth(results, tmp_path):
+    variant = results / "object" / "variant"
+    truth = trimesh.load_mesh(variant / "mesh.ply", process=False)
+    truth.apply_transform(trimesh.transformations.rotation_matrix(1.0, [0, 1, 0]))
+    truth.apply_scale(0.25)
+    truth.export(tmp_path / "truth.ply")
+    argv = ["--mesh", variant / "mesh.ply", "--cameras", variant / "cameras.json", "--align"]
+    argv += ["--loss", variant / "loss.csv", "--sigma", SETTINGS["sigma"], "--results", results]
+    argv += ["--scene", results / "scene", "--truth", tmp_path / "truth.ply"]
+    evaluate.main([*map(str, argv), "--output", str(tmp_path / "metrics.json")])
+    metrics = json.loads((tmp_path / "metrics.json").read_text())
+    assert metrics["aligned"]
+    assert metrics["scale"] == pytest.approx(0.25, rel=0.02)
+    assert metrics["f_score"] > 0.9
 
 
 def test_no_part_is_left(results):

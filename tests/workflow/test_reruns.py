@@ -17,7 +17,8 @@ REPORT = {"figure cup", "report report"}
 
 def from_fit(*variants: str, name: str = "cup") -> set[str]:
     """A fit and what follows from it."""
-    jobs = {f"{step} {name}/{v}" for v in variants for step in ("fit", "evaluate", "picture")}
+    steps = ("fit", "colour", "evaluate", "picture")
+    jobs = {f"{step} {name}/{v}" for v in variants for step in steps}
     return jobs | {f"figure {name}", "report report"}
 
 
@@ -63,6 +64,9 @@ def test_what_changes_nothing_reruns_nothing(project):
     ("path", "old", "new", "expected"),
     [
         ("fitting/losses.py", "EPS = 1e-6", "EPS = 2e-6", from_fit(*VARIANTS)),
+        ("colouring.py", "SQUARE = 3", "SQUARE = 2", {
+            *(f"{step} cup/{v}" for v in VARIANTS for step in ("colour", "picture")),
+            "report report"}),
         ("shapes/place.py", "REPORT_RADIUS = 90", "REPORT_RADIUS = 91", FROM_FIRST),
         ("scene.py", '"scale": similarity', '"size": 1, "scale": similarity', FROM_SCENE),
         ("silhouettes/mask.py", "max() // 2", "max() // 3", FROM_SILHOUETTES),
@@ -173,5 +177,10 @@ def test_an_object_fewer_reruns_the_page(project):
 
 
 def test_a_lost_result_is_made_again(project):
-    (project / "results/cup/round/mesh.glb").unlink()
+    (project / "results/cup/round/mesh.ply").unlink()
     assert project.outdated() == from_fit("round")
+
+
+def test_a_lost_colouring_leaves_the_fit_alone(project):
+    (project / "results/cup/round/mesh.glb").unlink()
+    assert project.outdated() == {"colour cup/round", "picture cup/round", "report report"}

@@ -66,6 +66,14 @@ def evaluate_inputs(wildcards):
     }
 
 
+def truth_arguments(wildcards, input):
+    """The arguments that name the truth, which estimated cameras are not in the frame of."""
+    if not input.truth:
+        return ""
+    run = plan.run(wildcards.object, wildcards.variant)
+    return f"--truth {quote(input.truth)}{' --align' if run.estimates_cameras else ''}"
+
+
 def variants_of(object_):
     """The variants that an object runs."""
     return [run.variant for run in plan.runs if run.dataset.object == object_]

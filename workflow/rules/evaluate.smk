@@ -17,7 +17,7 @@ rule evaluate:
         settings=lambda w: "--holdout {0.holdout} --sigma {0.sigma}".format(
             plan.run(w.object, w.variant).fit
         ),
-        truth=lambda w, input: f"--truth {quote(input.truth)}" if input.truth else "",
+        truth=truth_arguments,
         code=code_digest("silmesh.steps.evaluate"),
     message:
         "{wildcards.object}/{wildcards.variant}: evaluating"

@@ -7,7 +7,7 @@ rule fit:
     input:
         unpack(fit_inputs),
     output:
-        meshes=multiext("results/{object}/{variant}/mesh", ".ply", ".obj", ".glb"),
+        mesh="results/{object}/{variant}/mesh.ply",
         cameras="results/{object}/{variant}/cameras.json",
         loss="results/{object}/{variant}/loss.csv",
     log:
@@ -24,5 +24,5 @@ rule fit:
         "python -m silmesh.steps.fit --first {input.first:q}"
         " --scene {input.scene:q} {params.settings}"
         " --threads {threads} --name {wildcards.object}/{wildcards.variant}"
-        " --meshes {output.meshes:q} --cameras {output.cameras:q} --loss {output.loss:q}"
+        " --meshes {output.mesh:q} --cameras {output.cameras:q} --loss {output.loss:q}"
         " 2> {log:q}"

@@ -33,7 +33,7 @@ rule figure:
 
 rule picture:
     input:
-        mesh="results/{object}/{variant}/mesh.ply",
+        mesh="results/{object}/{variant}/mesh.obj",
         cameras="results/{object}/{variant}/cameras.json",
         scene=lambda w: fit_inputs(w)["scene"],
     output:

@@ -62,6 +62,44 @@ METRICS = (
     Metric("fit_seconds", "Seconds", "How long the fit took.", ",.0f"),
     Metric("vertices", "Vertices", "Corners of the mesh.", ",d"),
     Metric("faces", "Faces", "Triangles of the mesh.", ",d"),
+    Metric("watertight", "Closed", "Whether the surface has no hole and no face turned round."),
+    Metric(
+        "manifold",
+        "Manifold",
+        "Whether at most two triangles meet at each edge, and those about a corner form one fan.",
+    ),
+    Metric("components", "Pieces", "Parts of the mesh that do not hang together.", ",d"),
+    Metric("genus", "Genus", "Handles of the body: 0 for a ball, 1 for a ring.", ",d"),
+    Metric(
+        "self_intersections",
+        "Self-intersections",
+        "Pairs of triangles that cut through each other; 0 is best.",
+        ",d",
+    ),
+    Metric(
+        "edge_length_spread",
+        "Edge spread",
+        "Standard deviation of the edges' lengths over their mean; 0 for edges of one length.",
+    ),
+    Metric(
+        "smallest_angle",
+        "Smallest angle",
+        "The sharpest corner of any triangle, in degrees; 60 at best.",
+        ".1f",
+    ),
+    Metric(
+        "small_angle",
+        "Smallest angles, 1 %",
+        "One triangle in a hundred has a corner sharper than this, in degrees.",
+        ".1f",
+    ),
+    Metric(
+        "aligned",
+        "Aligned",
+        "Whether the mesh was turned, shifted and scaled onto the truth before it was compared, "
+        "since its cameras were estimated and their frame is arbitrary.",
+    ),
+    Metric("scale", "Scale", "How much the mesh was enlarged for that.", ".4g"),
     Metric(
         "chamfer",
         "Chamfer distance",

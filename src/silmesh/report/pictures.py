@@ -1,4 +1,4 @@
-"""A fitted mesh beside its photographs: outlines over the photograph, shaded, and from above.
+"""A fitted mesh beside its photographs: outlines over the photograph, coloured, shaded, from above.
 
 Two views are shown, the first and the one nearest to a quarter turn from it. What each pixel sees
 is found by a ray through it, so the mesh is drawn exactly as the camera says. All is drawn twice
@@ -18,6 +18,7 @@ from skimage.measure import find_contours
 from silmesh.cameras.camera import Cameras
 
 CELL = 264  # side of one picture, in pixels
+CELLS = 5  # pictures of a view, side by side
 FINE = 2  # drawn so many times larger than shown
 GAP, HEADER, SIDE = 8, 30, 26
 MARGIN = 0.14  # of the silhouette's longer side, around it
@@ -124,6 +125,14 @@ def shade(mesh: trimesh.Trimesh, camera: Camera, hits: Hits, smooth: bool) -> np
     return image.clip(0, 1)
 
 
+def paint(mesh: trimesh.Trimesh, hits: Hits) -> np.ndarray:
+    """A mesh in the colours of its vertices, unlit: [size, size, 3] in [0, 1] on the ground's."""
+    at_corners = mesh.visual.vertex_colors[mesh.faces[hits.faces], :3] / 255  # [hits, 3, 3]
+    image = np.broadcast_to(np.array(GROUND) / 255, (*hits.mask.shape, 3)).copy()
+    image[hits.mask] = np.einsum("ni,nij->nj", hits.weights, at_corners)
+    return image.clip(0, 1)
+
+
 def draw_edges(
     image: np.ndarray, mesh: trimesh.Trimesh, camera: Camera, hits: Hits, width: float
 ) -> None:
@@ -198,7 +207,7 @@ def draw_picture(
         silhouettes: [views, height, width] bool, theirs
     """
     rows = len(cameras)
-    width = SIDE + 4 * CELL + 5 * GAP
+    width = SIDE + CELLS * CELL + (CELLS + 1) * GAP
     sheet = Image.new("RGB", (width, HEADER + rows * (CELL + GAP)), GROUND)
     _write_header(sheet)
     for i, photograph in enumerate(photographs):
@@ -213,7 +222,7 @@ def draw_picture(
 def draw_view(
     mesh: trimesh.Trimesh, camera: Camera, photograph: Path, silhouette: np.ndarray
 ) -> list[Image.Image]:
-    """The four pictures of one view: photograph, outlines, shaded, and from above with edges."""
+    """The pictures of one view: photograph, outlines, shaded, coloured, from above with edges."""
     left, top, side = frame(silhouette)
     near = camera.cropped(left, top, side, FINE * CELL)
     photo = _read_on_ground(photograph).resize(
@@ -224,11 +233,13 @@ def draw_view(
     draw_outlines(outlined, silhouette, near.size / side, (left, top), SILHOUETTE)
     draw_outlines(outlined, hits.mask, 1, (0, 0), MESH)
     shaded = shade(mesh, near, hits, smooth=True)
+    coloured = paint(mesh, hits)
     above = raised(near, mesh)
     hits = trace(mesh, above)
     edged = shade(mesh, above, hits, smooth=False)
     draw_edges(edged, mesh, above, hits, width=0.5 * FINE)
-    return [_shrink(cell) for cell in (photo, outlined, _to_image(shaded), _to_image(edged))]
+    drawn = (_to_image(cell) for cell in (shaded, coloured, edged))
+    return [_shrink(cell) for cell in (photo, outlined, *drawn)]
 
 
 def _read_on_ground(path: Path) -> Image.Image:
@@ -252,7 +263,7 @@ def _font(size: int) -> ImageFont.FreeTypeFont:
 
 def _write_header(sheet: Image.Image) -> None:
     draw = ImageDraw.Draw(sheet)
-    titles = ("photograph", "outlines:", "fitted mesh", "from above, with edges")
+    titles = ("photograph", "outlines:", "fitted mesh", "in its colours", "from above, with edges")
     for j, title in enumerate(titles):
         x = SIDE + GAP + j * (CELL + GAP)
         draw.text((x, HEADER / 2), title, fill=INK, font=_font(13), anchor="lm")

@@ -11,15 +11,20 @@ The equations are those of ``silmesh.softras.reference``. What is particular her
   sqrt(sigma) is a thousandth of that length.)
 - In each row of a window only the span that lies within the cutoff of all three edges' half-planes
   is visited, eight pixels at a time, without branches.
+- A pixel whose P has reached SPENT is opaque to within 1 / SPENT and passes no gradient. A face
+  that reaches only cells of CELL x CELL such pixels is passed over before it is set up: as the
+  image fills, and on the way back.
 
-Views are independent of each other and the faces of a view are visited in order by one thread:
-the result is bitwise the same for any number of threads.
+Views are independent of each other, and so are the bands of rows that the views of a small batch
+are cut into. The faces of a band are visited in order by one thread, and the cut depends on the
+batch alone: the result is bitwise the same for any number of threads.
 """
 
 import hashlib
 import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise, product
 from pathlib import Path
 from typing import NamedTuple
 
@@ -53,9 +58,14 @@ LOG2_E = math.log2(math.e)
 CUTOFF_Z = CUTOFF * LOG2_E
 THIN_Z = THIN * math.sqrt(LOG2_E)
 LARGEST_Z = 126  # 2^z stays finite
-SPENT = 1e12  # at this P a pixel is opaque to float32 many times over: it passes no gradient
+SPENT = 1e6  # at this P nothing can change a pixel any more
+CELL = 8  # pixels
+REFRESH = 1024  # faces between looks for cells that are spent
+TASKS = 2  # a batch of fewer views is cut into about so many bands
+BAND = 32  # rows that a band has at least
 FAR = 1e9  # pixels: no bound
 SLACK = 0.01  # pixels: spans are wider by this, so that rounding loses no pixel
+NARROW = 12  # pixels: in a window no wider, whole rows are visited
 LEVEL = 0.02  # an edge that rises less than this bounds no span
 
 OPTIONS = {"nogil": True, "fastmath": {"contract"}, "error_model": "numpy"}
@@ -82,9 +92,7 @@ class Line(NamedTuple):
     """An edge as seen from a window's first pixel, in float32.
 
     There, ``before`` = -u and ``after`` = u - length (positive past the ends) and ``across`` = v.
-    In rows j and j + 1, pixels within the cutoff of the inner half-plane lie from
-    ``left + slope j`` or up to ``right + slope j``. ``before`` times ``share`` is the share of the
-    way from a to b.
+    ``before`` times ``share`` is the share of the way from a to b.
     """
 
     before: float
@@ -94,10 +102,18 @@ class Line(NamedTuple):
     uy: float
     vx: float
     vy: float
+    share: float
+
+
+class Bound(NamedTuple):
+    """Where an edge's inner half-plane and its cutoff lie in rows j and j + 1 of a window.
+
+    From the column ``left + slope j``, or up to ``right + slope j``, in float32.
+    """
+
     left: float
     right: float
     slope: float
-    share: float
 
 
 class Row(NamedTuple):
@@ -144,8 +160,8 @@ def _make_edges(a, b, c, scale):
 
 
 @_jit
-def _corner(points, vert):
-    return np.float64(points[vert, 0]), np.float64(points[vert, 1])
+def _corner(points, vert, top):
+    return np.float64(points[vert, 0]), np.float64(points[vert, 1]) - top
 
 
 @_jit
@@ -162,20 +178,62 @@ def _find_pixels(a, b, c, radius, size):
 
 
 @_jit
+def _find_face(points, faces, face, band, scale):
+    """A face's corners, and first and past-the-last column and row of the pixels it may reach."""
+    top, height, width = band
+    radius = math.sqrt(CUTOFF_Z) / scale
+    a = _corner(points, faces[face, 0], top)
+    b = _corner(points, faces[face, 1], top)
+    c = _corner(points, faces[face, 2], top)
+    columns = _find_pixels(a[0], b[0], c[0], radius, width)
+    rows = _find_pixels(a[1], b[1], c[1], radius, height)
+    return (a, b, c), columns, rows
+
+
+@_jit
+def _make_cells(height, width):
+    """Which cells of an image are live, that is not spent throughout: all, at first."""
+    return np.ones(((height + CELL - 1) // CELL, (width + CELL - 1) // CELL), np.bool_)
+
+
+@_jit
+def _is_live(product, stride, cell, height, width):
+    """Whether any pixel of a cell is not spent."""
+    for y in range(CELL * cell[0], min(CELL * cell[0] + CELL, height)):
+        for x in range(CELL * cell[1], min(CELL * cell[1] + CELL, width)):
+            if product[y * stride + x] < np.float32(SPENT):
+                return True
+    return False
+
+
+@_jit
+def _refresh(cells, product, stride, height, width):
+    """Look which of the live cells are still live."""
+    for row in range(cells.shape[0]):
+        for column in range(cells.shape[1]):
+            if cells[row, column]:
+                cell = row, column
+                cells[row, column] = _is_live(product, stride, cell, height, width)
+
+
+@_jit
+def _any_live(cells, columns, rows):
+    """Whether any of the pixels in these columns and rows, first and past-the-last, is live."""
+    if columns[0] >= columns[1]:
+        return False
+    for row in range(rows[0] // CELL, (rows[1] + CELL - 1) // CELL):
+        for column in range(columns[0] // CELL, (columns[1] + CELL - 1) // CELL):
+            if cells[row, column]:
+                return True
+    return False
+
+
+@_jit
 def _see_line(edge, x, y):
     """An edge from the pixel whose centre is (x, y)."""
     u = edge.ux * (x - edge.ax) + edge.uy * (y - edge.ay)
     v = edge.vx * (x - edge.ax) + edge.vy * (y - edge.ay)
-    left = -FAR
-    right = FAR
-    slope = 0.0
-    if abs(edge.vx) > LEVEL * abs(edge.vy):
-        reach = math.sqrt(CUTOFF_Z)
-        slope = -edge.vy / edge.vx
-        if edge.vx > 0:
-            left = (-reach - v) / edge.vx + min(slope, 0.0) - SLACK
-        else:
-            right = (-reach - v) / edge.vx + max(slope, 0.0) + SLACK
+    share = 1.0 / edge.length if edge.length > 0 else 0.0
     return Line(
         np.float32(-u),
         np.float32(u - edge.length),
@@ -184,16 +242,43 @@ def _see_line(edge, x, y):
         np.float32(edge.uy),
         np.float32(edge.vx),
         np.float32(edge.vy),
-        np.float32(min(left, FAR)),
-        np.float32(max(right, -FAR)),
-        np.float32(slope),
-        np.float32(-1.0 / edge.length if edge.length > 0 else 0.0),
+        np.float32(-share),
     )
 
 
 @_jit
-def _find_span(ab, bc, ca, j, width):
+def _find_bound(edge, x, y):
+    """An edge's bound from the pixel whose centre is (x, y); no branch, which would be a guess."""
+    reach = -math.sqrt(CUTOFF_Z) - edge.vx * (x - edge.ax) - edge.vy * (y - edge.ay)
+    level = LEVEL * abs(edge.vy)
+    per_row = 1 / edge.vx
+    slope = -edge.vy * per_row
+    left = max(min(reach * per_row + min(slope, 0.0) - SLACK, FAR), -FAR)
+    right = max(min(reach * per_row + max(slope, 0.0) + SLACK, FAR), -FAR)
+    left = left if edge.vx > level else -FAR
+    right = right if -edge.vx > level else FAR
+    slope = slope if abs(edge.vx) > level else 0.0
+    return Bound(np.float32(left), np.float32(right), np.float32(slope))
+
+
+@_jit
+def _find_bounds(edges, x, y, width):
+    """The bounds of the edges from the centre of pixel (x, y); of a narrow window its sides do."""
+    ab, bc, ca = edges
+    if width <= NARROW:
+        none = Bound(np.float32(-FAR), np.float32(FAR), np.float32(0.0))
+        return none, none, none
+    x += 0.5
+    y += 0.5
+    return _find_bound(ab, x, y), _find_bound(bc, x, y), _find_bound(ca, x, y)
+
+
+@_jit
+def _find_span(bounds, j, width):
     """First pixel and number of blocks to visit in rows j and j + 1 of a window."""
+    if width <= NARROW:
+        return np.int64(0), (width + COLUMNS - 1) // COLUMNS
+    ab, bc, ca = bounds
     low = max(ab.left + ab.slope * j, bc.left + bc.slope * j, ca.left + ca.slope * j)
     high = min(ab.right + ab.slope * j, bc.right + bc.slope * j, ca.right + ca.slope * j)
     first = np.int64(max(low, np.float32(0)))
@@ -236,13 +321,13 @@ def _odds(distance2, across, inside):
 
 
 @_jit
-def _multiply_window(product, start, stride, lines, inside, extent):
+def _multiply_window(product, start, stride, lines, bounds, inside, extent):
     """Multiply P by the 1 + 2^z of one triangle in one window."""
     ab, bc, ca = lines
     height, width = extent
     inside = splat(inside)
     for row in range(0, height, ROWS):
-        first, blocks = _find_span(ab, bc, ca, np.float32(row), width)
+        first, blocks = _find_span(bounds, np.float32(row), width)
         j = splat(np.float32(row)) + rows()
         row_ab = _enter_rows(ab, j)
         row_bc = _enter_rows(bc, j)
@@ -271,38 +356,39 @@ def _see_lines(edges, x, y):
 
 
 @_jit
-def _fill_product(points, faces, size, scale, product):
-    """Fill P of one view.
+def _fill_product(points, faces, band, scale, product):
+    """Fill P of one band of a view.
 
     Args:
         points: [verts, 2] float32
         faces: [faces, 3] int64
-        size: height and width
+        band: its first row in the image, its height and its width
         scale: from pixels to lengths whose square is z
-        product: float32, flat, of ``_count_padded(size)`` pixels, written
+        product: float32, flat, of ``_count_padded`` pixels, written
+    Returns:
+        which cells are live
     """
-    height, width = size
+    _, height, width = band
     stride = width + COLUMNS
-    radius = math.sqrt(CUTOFF_Z) / scale
     product[:] = 1
+    cells = _make_cells(height, width)
     for face in range(faces.shape[0]):
-        a = _corner(points, faces[face, 0])
-        b = _corner(points, faces[face, 1])
-        c = _corner(points, faces[face, 2])
-        x0, x1 = _find_pixels(a[0], b[0], c[0], radius, width)
-        y0, y1 = _find_pixels(a[1], b[1], c[1], radius, height)
-        if x0 >= x1 or y0 >= y1:
+        if face % REFRESH == 0 and face:
+            _refresh(cells, product, stride, height, width)
+        (a, b, c), (x0, x1), (y0, y1) = _find_face(points, faces, face, band, scale)
+        if not _any_live(cells, (x0, x1), (y0, y1)):
             continue
         edges, inside, _ = _make_edges(a, b, c, scale)
         for y in range(y0, y1, WINDOW):
             for x in range(x0, x1, WINDOW):
                 lines = _see_lines(edges, x, y)
                 extent = min(WINDOW, y1 - y), min(WINDOW, x1 - x)
-                _multiply_window(product, y * stride + x, stride, lines, inside, extent)
+                bounds = _find_bounds(edges, x, y, extent[1])
+                _multiply_window(product, y * stride + x, stride, lines, bounds, inside, extent)
 
 
 @_jit
-def _sum_window(weight, start, stride, lines, inside, tie, corners, extent):
+def _sum_window(weight, start, stride, lines, bounds, inside, tie, corners, extent):
     """Sum over a window: w (p - c) times the barycentric coordinates of c, the nearest point.
 
     w is ``weight`` times D with the sign of z. Returns the sums of all, of a's share and of b's.
@@ -316,7 +402,7 @@ def _sum_window(weight, start, stride, lines, inside, tie, corners, extent):
     tie = splat(tie)
     sum_x, sum_y, sum_ax, sum_ay, sum_bx, sum_by = zero, zero, zero, zero, zero, zero
     for row in range(0, height, ROWS):
-        first, blocks = _find_span(ab, bc, ca, np.float32(row), width)
+        first, blocks = _find_span(bounds, np.float32(row), width)
         j = splat(np.float32(row)) + rows()
         row_ab = _enter_rows(ab, j)
         row_bc = _enter_rows(bc, j)
@@ -374,24 +460,21 @@ def _see_corners(a, b, c, x, y):
 
 
 @_jit
-def _fill_gradient(points, faces, size, scale, weight, gradient):
+def _fill_gradient(points, faces, band, scale, product, weight, gradient):
     """Add the gradient with respect to the points of one view, but for a common factor.
 
     Args:
-        points, faces, size, scale: as in ``_fill_product``
+        points, faces, band, scale, product: as in ``_fill_product``
         weight: float32, laid out as ``product``: T times the gradient with respect to alpha
         gradient: [verts, 2] float32, added to
     """
-    height, width = size
+    _, height, width = band
     stride = width + COLUMNS
-    radius = math.sqrt(CUTOFF_Z) / scale
+    cells = _make_cells(height, width)
+    _refresh(cells, product, stride, height, width)
     for face in range(faces.shape[0]):
-        a = _corner(points, faces[face, 0])
-        b = _corner(points, faces[face, 1])
-        c = _corner(points, faces[face, 2])
-        x0, x1 = _find_pixels(a[0], b[0], c[0], radius, width)
-        y0, y1 = _find_pixels(a[1], b[1], c[1], radius, height)
-        if x0 >= x1 or y0 >= y1:
+        (a, b, c), (x0, x1), (y0, y1) = _find_face(points, faces, face, band, scale)
+        if not _any_live(cells, (x0, x1), (y0, y1)):
             continue
         edges, inside, tie = _make_edges(a, b, c, scale)
         for y in range(y0, y1, WINDOW):
@@ -399,8 +482,9 @@ def _fill_gradient(points, faces, size, scale, weight, gradient):
                 lines = _see_lines(edges, x, y)
                 corners = _see_corners(a, b, c, x, y)
                 extent = min(WINDOW, y1 - y), min(WINDOW, x1 - x)
+                bounds = _find_bounds(edges, x, y, extent[1])
                 gx, gy, gax, gay, gbx, gby = _sum_window(
-                    weight, y * stride + x, stride, lines, inside, tie, corners, extent
+                    weight, y * stride + x, stride, lines, bounds, inside, tie, corners, extent
                 )
                 gradient[faces[face, 0], 0] += gax
                 gradient[faces[face, 0], 1] += gay
@@ -411,10 +495,10 @@ def _fill_gradient(points, faces, size, scale, weight, gradient):
 
 
 @_jit
-def _fill_alpha(points, faces, scale, product, alpha):
-    """P and alpha = 1 - 1 / P of one view, alpha [height, width]."""
+def _fill_alpha(points, faces, top, scale, product, alpha):
+    """P and alpha = 1 - 1 / P of one band of a view, alpha [height, width], from row ``top``."""
     height, width = alpha.shape
-    _fill_product(points, faces, (height, width), scale, product)
+    _fill_product(points, faces, (top, height, width), scale, product)
     for y in range(height):
         for x in range(width):
             p = product[y * (width + COLUMNS) + x]
@@ -422,8 +506,8 @@ def _fill_alpha(points, faces, scale, product, alpha):
 
 
 @_jit
-def _fill_back(points, faces, scale, product, upstream, weight, gradient):
-    """The gradient [verts, 2] of one view from that with respect to alpha [height, width]."""
+def _fill_back(points, faces, top, scale, product, upstream, weight, gradient):
+    """The gradient [verts, 2] of one band from that with respect to its alpha [height, width]."""
     height, width = upstream.shape
     stride = width + COLUMNS
     weight[:] = 0
@@ -433,7 +517,7 @@ def _fill_back(points, faces, scale, product, upstream, weight, gradient):
             if p < np.float32(SPENT):
                 weight[y * stride + x] = upstream[y, x] / p
     gradient[:] = 0
-    _fill_gradient(points, faces, (height, width), scale, weight, gradient)
+    _fill_gradient(points, faces, (top, height, width), scale, product, weight, gradient)
     factor = np.float32(-2 * scale * scale / LOG2_E)
     for vert in range(gradient.shape[0]):
         gradient[vert, 0] *= factor
@@ -449,14 +533,14 @@ def _keep_compiled(code: str) -> tuple[Callable, Callable]:
     """
 
     @njit(cache=True, **OPTIONS)
-    def draw(points, faces, scale, product, alpha):
+    def draw(points, faces, top, scale, product, alpha):
         code  # noqa: B018
-        _fill_alpha(points, faces, scale, product, alpha)
+        _fill_alpha(points, faces, top, scale, product, alpha)
 
     @njit(cache=True, **OPTIONS)
-    def draw_back(points, faces, scale, product, upstream, weight, gradient):
+    def draw_back(points, faces, top, scale, product, upstream, weight, gradient):
         code  # noqa: B018
-        _fill_back(points, faces, scale, product, upstream, weight, gradient)
+        _fill_back(points, faces, top, scale, product, upstream, weight, gradient)
 
     return draw, draw_back
 
@@ -475,37 +559,40 @@ class _SoftSilhouettes(torch.autograd.Function):
     def forward(ctx, points, faces, size, sigma):
         points = points.detach().contiguous()
         faces = faces.contiguous()
-        height, width = size
         ctx.scale = math.sqrt(LOG2_E / sigma) / (max(size) / 2)
-        alpha = points.new_empty(len(points), height, width)
-        product = points.new_empty(len(points), _count_padded(size))
+        alpha = points.new_empty(len(points), *size)
+        bands = _cut(len(points), size[0])
+        padded = _count_padded((max(rows for _, rows in bands), size[1]))
+        kept = ctx.needs_input_grad[0]
+        product = points.new_empty(len(points), len(bands), padded if kept else 0)
         ctx.save_for_backward(points, faces, product)
         arrays = points.numpy(), faces.numpy(), product.numpy(), alpha.numpy()
 
-        def draw(view):
+        def draw(view, band, scratch):
             points, faces, product, alpha = arrays
-            _draw(points[view], faces, ctx.scale, product[view], alpha[view])
+            top, rows = bands[band]
+            into = product[view, band] if kept else scratch
+            _draw(points[view], faces, top, ctx.scale, into, alpha[view, top : top + rows])
 
-        _run(draw, len(points))
+        _run(draw, len(points), len(bands), padded)
         return alpha
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx, upstream):
-        points, faces, product = ctx.saved_tensors
-        upstream = upstream.contiguous()
-        gradient = torch.empty_like(points)
-        arrays = (t.numpy() for t in (points, faces, product, upstream, gradient))
-        points, faces, product, upstream, into = arrays
+        points, faces, product = (t.numpy() for t in ctx.saved_tensors)
+        upstream = upstream.contiguous().numpy()
+        bands = _cut(len(points), upstream.shape[1])
+        gradient = np.empty((len(points), len(bands), *points.shape[1:]), np.float32)
 
-        def draw_back(view):
-            weight = np.empty_like(product[view])
-            _draw_back(
-                points[view], faces, ctx.scale, product[view], upstream[view], weight, into[view]
-            )
+        def draw_back(view, band, weight):
+            top, rows = bands[band]
+            here, into = product[view, band], gradient[view, band]
+            part = upstream[view, top : top + rows]
+            _draw_back(points[view], faces, top, ctx.scale, here, part, weight, into)
 
-        _run(draw_back, len(points))
-        return gradient, None, None, None
+        _run(draw_back, len(points), len(bands), product.shape[2])
+        return torch.from_numpy(gradient.sum(axis=1)), None, None, None
 
 
 def _count_padded(size: tuple[int, int]) -> int:
@@ -514,13 +601,31 @@ def _count_padded(size: tuple[int, int]) -> int:
     return (height + ROWS) * (width + COLUMNS)
 
 
-def _run(work: Callable[[int], None], views: int) -> None:
-    """Do the work of each view, on as many threads as torch uses."""
-    threads = min(torch.get_num_threads(), views)
-    if threads <= 1:
-        for view in range(views):
-            work(view)
+def _cut(views: int, height: int) -> list[tuple[int, int]]:
+    """First row and number of rows of the bands that each of so many views is cut into."""
+    count = min(-(-TASKS // max(views, 1)), max(height // BAND, 1))
+    ends = [height * k // count for k in range(count + 1)]
+    return [(top, end - top) for top, end in pairwise(ends)]
+
+
+def _run(work: Callable[[int, int, np.ndarray], None], views: int, bands: int, pixels: int) -> None:
+    """Do the work of each band of each view, on as many threads as torch uses.
+
+    Each thread has a scratch image of so many pixels of its own.
+    """
+    waiting = iter(list(product(range(views), range(bands))))  # shared: each task is taken once
+
+    def take():
+        scratch = np.empty(pixels, np.float32)
+        for task in waiting:
+            work(*task, scratch)
+
+    others = min(torch.get_num_threads(), views * bands) - 1
+    if others < 1:
+        take()
         return
-    with ThreadPoolExecutor(threads) as pool:
-        for done in [pool.submit(work, view) for view in range(views)]:
-            done.result()
+    with ThreadPoolExecutor(others) as pool:
+        helpers = [pool.submit(take) for _ in range(others)]
+        take()
+        for helper in helpers:
+            helper.result()

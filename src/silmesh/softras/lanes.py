@@ -244,24 +244,15 @@ def total(typingctx, a):
 
 
 @intrinsic
-def _round(typingctx, a):
-    def codegen(context, builder, signature, args):
-        return _call(builder, f"llvm.nearbyint.v{LANES}f32", args)
-
-    return lanes(lanes), codegen
-
-
-@intrinsic
-def _power_of_two(typingctx, n):
-    """2^n for whole n: n goes straight into the exponent's bits."""
+def _times_power_of_two(typingctx, p, n):
+    """p 2^n for n in the lowest bits of ``n``: it is added to the exponent's bits of ``p``."""
 
     def codegen(context, builder, signature, args):
-        whole = builder.fptosi(args[0], _INTEGERS)
-        biased = builder.add(whole, ir.Constant(_INTEGERS, [127] * LANES))
-        bits = builder.shl(biased, ir.Constant(_INTEGERS, [23] * LANES))
-        return builder.bitcast(bits, _VECTOR)
+        p, n = (builder.bitcast(arg, _INTEGERS) for arg in args)
+        raised = builder.shl(n, ir.Constant(_INTEGERS, [23] * LANES))
+        return builder.bitcast(builder.add(p, raised), _VECTOR)
 
-    return lanes(lanes), codegen
+    return lanes(lanes, lanes), codegen
 
 
 # 2^f on [-1/2, 1/2] by the quintic of smallest relative error there, 8e-8 (found by reweighted
@@ -270,15 +261,17 @@ _C0, _C1, _C2, _C3, _C4, _C5 = (
     np.float32(c) for c in (1.00000007, 0.69314697, 0.2402212, 0.05550713, 0.00967554, 0.00132765)
 )
 
+_WHOLE = np.float32(3 * 2**22)  # a number that this is added to is rounded to a whole one
+
 
 @njit
 def exp2(z):
     """2^z in each lane to a relative error of 2e-7, for z in [-126, 127]; anything outside."""
-    n = _round(z)
-    f = z - n
+    shifted = z + splat(_WHOLE)
+    f = z - (shifted - splat(_WHOLE))
     p = plus_product(splat(_C4), splat(_C5), f)
     p = plus_product(splat(_C3), p, f)
     p = plus_product(splat(_C2), p, f)
     p = plus_product(splat(_C1), p, f)
     p = plus_product(splat(_C0), p, f)
-    return p * _power_of_two(n)
+    return _times_power_of_two(p, shifted)

@@ -23,8 +23,10 @@ which autograd finds with s held fixed, since d^2 is stationary in s or s is at 
 thin face may coincide; there the first in the order ab, ca, bc counts as the nearest unless another
 is nearer by more than a rounding (TIE).
 
-The image is worked through in tiles, each with the faces that reach it, so memory is bounded by
-TILE^2 x FACES; the tiles are computed anew for the gradient.
+All views are worked through together: each face is paired with every bin of BIN x BIN pixels that
+it may reach, and PAIRS pairs are computed at a time, and anew for the gradient. So memory is that
+of PAIRS x BIN^2 numbers and the images, and a GPU has much to do at once. On a GPU what the faces
+of a bin take away is summed in no fixed order, unless torch is told to be deterministic.
 """
 
 import math
@@ -38,32 +40,71 @@ from torch.utils.checkpoint import checkpoint
 CUTOFF = math.log(1e4 - 1)
 THIN = 2e-3
 TIE = 1 - 2**-15
-TILE = 32  # pixels
-FACES = 2048
+BIN = 8  # pixels
+PAIRS = 2**14
+TILE = 32  # pixels, of a picture that is computed tile by tile
 
 
 def soft_silhouettes(points: Tensor, faces: Tensor, size: tuple[int, int], sigma: float) -> Tensor:
     """As ``silmesh.softras.soft_silhouettes``, without its checks, in plain torch."""
-    half = max(size) / 2
-    views = [_render_view(view[faces] / half, size, sigma) for view in points]
-    return torch.stack(views) if views else points.new_zeros(0, *size)
+    triangles = (points[:, faces] / (max(size) / 2)).flatten(0, 1)  # [views * faces, 3, 2]
+    rows, columns = (-(-side // BIN) for side in size)
+    low, counts = _find_bins(triangles.detach(), size, math.sqrt(CUTOFF * sigma))
+    log_transmittance = points.new_zeros(len(points) * rows * columns, BIN * BIN)
+    for part in _chunk(counts.prod(dim=1)):
+        face, bin_ = _pair(part, low, counts)  # [pairs], [pairs, 2]
+        absorbed = checkpoint(
+            _absorb, triangles, face, bin_, max(size) / 2, sigma, use_reentrant=False
+        )
+        view = face // max(len(faces), 1)
+        into = (view * rows + bin_[:, 1]) * columns + bin_[:, 0]
+        log_transmittance.index_add_(0, into, absorbed, alpha=-1)
+    image = log_transmittance.reshape(-1, rows, columns, BIN, BIN).transpose(2, 3)
+    image = image.reshape(-1, rows * BIN, columns * BIN)[:, : size[0], : size[1]]
+    return -torch.expm1(image)
 
 
-def _render_view(triangles: Tensor, size: tuple[int, int], sigma: float) -> Tensor:
-    """Alpha [height, width] of triangles [faces, 3, 2] in half-image units."""
-    triangles = triangles[triangles.isfinite().all(dim=(1, 2))]
-    radius = math.sqrt(CUTOFF * sigma)
+def _find_bins(triangles: Tensor, size: tuple[int, int], radius: float) -> tuple[Tensor, Tensor]:
+    """First column and row of the bins that each triangle may reach, and their number: [faces, 2].
 
-    def render_tile(pixels: Tensor) -> Tensor:
-        log_transmittance = pixels.new_zeros(pixels.shape[:2])
-        near = triangles[reach(triangles.detach(), pixels, radius)]
-        for chunk in near.split(FACES) if len(near) else ():
-            log_transmittance = log_transmittance - checkpoint(
-                _absorb, pixels, chunk, sigma, use_reentrant=False
-            )
-        return -torch.expm1(log_transmittance)
+    A triangle with a corner that is not finite reaches none.
+    """
+    scale = max(size) / 2 / BIN  # bins in a half-image unit
+    last = torch.tensor([size[1] - 1, size[0] - 1], device=triangles.device) // BIN
+    low = (triangles.amin(dim=1) - 1.001 * radius) * scale
+    high = (triangles.amax(dim=1) + 1.001 * radius) * scale
+    finite = triangles.isfinite().all(dim=2).all(dim=1, keepdim=True)
+    low = torch.where(finite, low, 0).floor().clamp(min=0).minimum(last + 1)
+    high = torch.where(finite, high, -1).floor().clamp(min=-1).minimum(last)
+    return low.long(), (high - low + 1).clamp(min=0).long()
 
-    return render_tiles(render_tile, size, triangles)
+
+def _chunk(counts: Tensor) -> Iterator[Tensor]:
+    """Faces [faces] that have bins, in order, so many at a time that they have about PAIRS bins."""
+    some = counts.nonzero().squeeze(1)
+    ends = counts[some].cumsum(dim=0) // PAIRS
+    sizes = ends.unique_consecutive(return_counts=True)[1].tolist()
+    yield from some.split(sizes) if sizes else ()
+
+
+def _pair(part: Tensor, low: Tensor, counts: Tensor) -> tuple[Tensor, Tensor]:
+    """Each face of a part with each of its bins: faces [pairs], columns and rows [pairs, 2]."""
+    number = counts[part].prod(dim=1)
+    face = part.repeat_interleave(number)
+    first = (number.cumsum(dim=0) - number).repeat_interleave(number)
+    k = torch.arange(len(face), device=face.device) - first  # which of its face's bins
+    across = counts[face, 0]
+    return face, low[face] + torch.stack([k % across, k // across], dim=1)
+
+
+def _absorb(triangles: Tensor, face: Tensor, bin_: Tensor, half: float, sigma: float) -> Tensor:
+    """Minus log (1 - D) of each pair in the bin's pixels: [pairs, BIN^2]."""
+    along = torch.arange(BIN, device=face.device)
+    within = torch.stack(torch.meshgrid(along, along, indexing="xy"), dim=-1).reshape(-1, 1, 2)
+    pixels = ((bin_ * BIN + within).to(triangles) + 0.5) / half  # [BIN^2, pairs, 2]
+    distance2, inside = measure(pixels, triangles[face], sigma)
+    x = torch.where(inside, distance2, -distance2) / sigma
+    return torch.where(x >= -CUTOFF, softplus(x), 0).T
 
 
 def render_tiles(render: Callable[[Tensor], Tensor], size: tuple[int, int], like: Tensor) -> Tensor:
@@ -94,18 +135,11 @@ def reach(triangles: Tensor, pixels: Tensor, radius: float) -> Tensor:
     return ((low <= pixels[-1, -1]) & (high >= pixels[0, 0])).all(dim=1)
 
 
-def _absorb(pixels: Tensor, triangles: Tensor, sigma: float) -> Tensor:
-    """Minus the logarithm of prod_j (1 - D_j): [rows, columns]."""
-    distance2, inside = measure(pixels.unsqueeze(2), triangles, sigma)  # [rows, columns, faces]
-    x = torch.where(inside, distance2, -distance2) / sigma
-    return torch.where(x >= -CUTOFF, softplus(x), 0).sum(dim=-1)
-
-
 def measure(pixels: Tensor, triangles: Tensor, sigma: float) -> tuple[Tensor, Tensor]:
     """Squared distance of pixels to the boundary of triangles, and whether they lie inside.
 
     Args:
-        pixels: [..., 1, 2] in half-image units
+        pixels: [..., faces or 1, 2] in half-image units
         triangles: [faces, 3, 2] likewise
         sigma: squared half-image units; says which triangles are thin
     Returns:

@@ -8,10 +8,12 @@ from pathlib import Path
 import pandas as pd
 import torch
 
+from silmesh.alignment import align
 from silmesh.cameras.camera import read_cameras
 from silmesh.evaluation import compare_to_truth, silhouette_iou, summarise_iou
 from silmesh.files import replacing
 from silmesh.meshes import read_mesh, to_tensors
+from silmesh.quality import measure_quality
 from silmesh.scene import SILHOUETTES, read_scene
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import parser, run
@@ -26,6 +28,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--loss", type=Path, required=True, help="loss.csv of its fit")
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
     args.add_argument("--truth", type=Path, help="the true mesh, in the cameras' world")
+    args.add_argument("--align", action="store_true", help="lay the mesh on the truth first")
     args.add_argument("--holdout", type=int, default=0, help="every n-th view was kept out")
     args.add_argument("--sigma", type=float, required=True, help="as in the fit")
     args.add_argument("--threads", type=int, default=torch.get_num_threads())
@@ -47,10 +50,16 @@ def main(argv: Sequence[str] | None = None) -> None:
         "fit_seconds": float(last["seconds"]),
         "vertices": len(mesh.vertices),
         "faces": len(mesh.faces),
+        **measure_quality(mesh),
         "silhouettes": Path(os.path.relpath(folder, given.results)).as_posix(),
     }
     if given.truth:
-        metrics |= compare_to_truth(mesh, read_mesh(given.truth))
+        truth = read_mesh(given.truth)
+        if given.align:
+            found = align(mesh, truth)
+            mesh.vertices = found.apply(mesh.vertices)
+            metrics |= {"aligned": True, "scale": found.scale}
+        metrics |= compare_to_truth(mesh, truth)
     metrics["iou"] = dict(zip(cameras.views, iou.tolist(), strict=True))
     with replacing(given.output) as part:
         part.write_text(json.dumps(metrics, indent=1) + "\n")
