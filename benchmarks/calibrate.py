@@ -25,7 +25,7 @@ from silmesh.softras import soft_silhouettes
 from silmesh.synthetic.make import make_object
 from silmesh.views import natural_key
 
-OBJECTS = ("bear", "tube", "plane", "pot")
+OBJECTS = ("apricot", "bear", "bottle", "plane", "pot", "tube")
 
 
 def random_turntable(count: int, size: int, random: np.random.Generator) -> tuple[Cameras, dict]:

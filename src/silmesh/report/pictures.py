@@ -228,7 +228,7 @@ def draw_view(
     hits = trace(mesh, above)
     edged = shade(mesh, above, hits, smooth=False)
     draw_edges(edged, mesh, above, hits, width=0.5 * FINE)
-    return [_shrink(cell) for cell in (photo, outlined, _to_image(shaded), _to_image(edged))]
+    return [_shrink(cell) for cell in (photo, outlined, to_image(shaded), to_image(edged))]
 
 
 def _read_on_ground(path: Path) -> Image.Image:
@@ -237,7 +237,8 @@ def _read_on_ground(path: Path) -> Image.Image:
     return Image.alpha_composite(Image.new("RGBA", image.size, GROUND), image).convert("RGB")
 
 
-def _to_image(image: np.ndarray) -> Image.Image:
+def to_image(image: np.ndarray) -> Image.Image:
+    """An array [height, width, 3] in [0, 1] as an image."""
     return Image.fromarray((255 * image).round().astype(np.uint8))
 
 
@@ -245,7 +246,7 @@ def _shrink(image: Image.Image) -> Image.Image:
     return image.resize((CELL, CELL), Image.Resampling.BOX)
 
 
-def _font(size: int) -> ImageFont.FreeTypeFont:
+def font(size: int) -> ImageFont.FreeTypeFont:
     """The face that matplotlib brings along: it has most of the world's letters."""
     return ImageFont.truetype(Path(mpl.get_data_path()) / "fonts/ttf/DejaVuSans.ttf", size)
 
@@ -255,18 +256,18 @@ def _write_header(sheet: Image.Image) -> None:
     titles = ("photograph", "outlines:", "fitted mesh", "from above, with edges")
     for j, title in enumerate(titles):
         x = SIDE + GAP + j * (CELL + GAP)
-        draw.text((x, HEADER / 2), title, fill=INK, font=_font(13), anchor="lm")
+        draw.text((x, HEADER / 2), title, fill=INK, font=font(13), anchor="lm")
     x = SIDE + GAP + CELL + GAP + 74
     for name, colour in (("silhouette", SILHOUETTE), ("mesh", MESH)):
         draw.line(((x, HEADER / 2), (x + 18, HEADER / 2)), fill=INK, width=5)
         draw.line(((x + 1, HEADER / 2), (x + 17, HEADER / 2)), fill=colour, width=3)
-        draw.text((x + 24, HEADER / 2), name, fill=INK, font=_font(13), anchor="lm")
-        x += 24 + draw.textlength(name, _font(13)) + 14
+        draw.text((x + 24, HEADER / 2), name, fill=INK, font=font(13), anchor="lm")
+        x += 24 + draw.textlength(name, font(13)) + 14
 
 
 def _write_side(sheet: Image.Image, name: str, y: int) -> None:
     """Write a view's name upwards at the left of its row, its middle left out if it is long."""
-    font = _font(12)
+    font = font(12)
     strip = Image.new("RGB", (CELL, SIDE), GROUND)
     draw = ImageDraw.Draw(strip)
     kept = len(name)
