@@ -267,15 +267,15 @@ def _write_header(sheet: Image.Image) -> None:
 
 def _write_side(sheet: Image.Image, name: str, y: int) -> None:
     """Write a view's name upwards at the left of its row, its middle left out if it is long."""
-    font = font(12)
+    face = font(12)
     strip = Image.new("RGB", (CELL, SIDE), GROUND)
     draw = ImageDraw.Draw(strip)
     kept = len(name)
     shown = name
-    while draw.textlength(shown, font) > CELL:
+    while draw.textlength(shown, face) > CELL:
         kept -= 1
         shown = name[: kept // 2] + "…" + name[len(name) - (kept + 1) // 2 :]
-    draw.text((CELL / 2, SIDE / 2), shown, fill=INK, font=font, anchor="mm")
+    draw.text((CELL / 2, SIDE / 2), shown, fill=INK, font=face, anchor="mm")
     sheet.paste(strip.rotate(90, expand=True), (GAP // 2, y))
 
 

@@ -151,9 +151,7 @@ def _draw_frusta(
     last = len(frusta.apexes) - 1
     for i in which:
         share = i / max(last, 1)
-        colour = tuple(
-            round((1 - share) * a + share * b) for a, b in zip(FIRST, LAST, strict=True)
-        )
+        colour = tuple(round((1 - share) * a + share * b) for a, b in zip(FIRST, LAST, strict=True))
         apex = tuple(observer.project(frusta.apexes[i : i + 1])[0])
         ends = [tuple(p) for p in observer.project(frusta.corners[i])]
         width = (3 if i in (0, last) else 1.4) * FINE
@@ -190,7 +188,7 @@ def _label_ends(
     for i, place, colour, anchor in zip(ends, places, (FIRST, DARK_LAST), anchors, strict=True):
         text = f"{'last' if i else 'first'}: {_shorten(views[i])}"
         below = place[:, 1].mean() >= middle[1]
-        y = place[:, 1].max() + 11 * FINE if below else place[:, 1].min() - 11 * FINE
+        y = place[:, 1].max() + 13 * FINE if below else place[:, 1].min() - 13 * FINE
         aside = {"rm": -8 * FINE, "lm": 8 * FINE}[anchor] if near else 0
         anchor = anchor if near else "mm"
         half = draw.textlength(text, font(13 * FINE)) * (1 if near else 0.5) + 12 * FINE
