@@ -73,7 +73,8 @@ class _Section(BaseModel):
     @classmethod
     def _takes_truth(cls, name: str) -> bool:
         annotation = cls.model_fields[name].annotation
-        return bool in (annotation, *get_args(annotation))
+        members = (annotation, *get_args(annotation))
+        return any(bool in (member, *get_args(member)) for member in members)
 
 
 class Views(_Section):

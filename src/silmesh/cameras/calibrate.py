@@ -338,7 +338,8 @@ def _estimate(
     camera explains them always.
     """
     noise = max(NOISE, _root_mean_square(misses.pixels[turn.outlines.known]))
-    slopes = turn.slopes(fit.x, misses)
+    turn = turn.sparse()
+    slopes = turn.slopes(fit.x, turn.misses(fit.x))
     slopes[..., : len(NAMES)] = turn.secants(fit.x)
     data = slopes.reshape(-1, len(fit.x))[:, free]
     _, prior_sd = turn.prior()
