@@ -225,15 +225,15 @@ def test_perspective_tells_a_camera_below_the_table(from_below, above_table):
 
 def test_far_away_the_table_tells_the_mirror_image():
     """With next to no perspective a camera below fits as well."""
-    cameras = stand(30 * np.arange(12), elevation=-20.0, half_angle=1.5)
+    cameras = stand(30 * np.arange(12), elevation=-20.0, half_angle=1.0, size=64)
     seen = render("bear", cameras)
     above = calibrate(seen, cameras.views, step=30)
     assert above.mirror == "table"
-    assert above.estimates["elevation"].value == pytest.approx(20, abs=1.5)
+    assert above.estimates["elevation"].value == pytest.approx(20, abs=2)
     assert above.estimates["step"].value < 0
     free = calibrate(seen, cameras.views, step=30, above_table=False)
     assert free.mirror == "open"
-    assert abs(free.estimates["elevation"].value) == pytest.approx(20, abs=1.5)
+    assert abs(free.estimates["elevation"].value) == pytest.approx(20, abs=2)
     assert "mirrored" in " ".join(free.warnings)
 
 
@@ -260,7 +260,7 @@ def test_steps_that_explain_as_much_are_named():
 
 
 def test_a_photograph_that_came_twice_is_named(bear):
-    cameras, seen = bear
+    _, seen = bear
     order = [0, 1, 2, 3, 4, 5, 5, 6, 7, 8, 9, 10, 11]
     names = [f"p{i}" for i in range(13)]
     attempt = attempt_calibration(seen[order], names, step=30)
@@ -283,8 +283,8 @@ def test_an_object_that_the_frame_cuts():
     found = calibrate(seen, cameras.views, step=30)
     assert found.estimates["elevation"].value == pytest.approx(12, abs=1.5)
     assert found.estimates["axis"].value == pytest.approx(axis_at(cameras, found.row), abs=0.5)
-    assert (
-        "the frame cuts the object in 12 of 12 views: 'v0', 'v1', 'v2' and 9 more" in found.warnings
+    assert found.warnings[0] == (
+        "the frame cuts the object in 12 of 12 views: 'v0', 'v1', 'v2' and 9 more"
     )
 
 

@@ -77,7 +77,8 @@ def test_tables_figure_pictures_and_page_from_results(results):
     }
     arguments = (
         f"--results {results} --runs {' '.join(f'{run}/64' for run in RUNS)}"
-        f" --losses {made}/losses.csv --summary {made}/summary.csv --page {made}/report.html --settings"
+        f" --losses {made}/losses.csv --summary {made}/summary.csv"
+        f" --page {made}/report.html --settings"
     )
     report.main([*arguments.split(), json.dumps(settings)])
     with open(made / "losses.csv", newline="") as file:
