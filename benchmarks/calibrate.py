@@ -44,7 +44,7 @@ def random_turntable(
     }
     names = [f"v{i}" for i in range(count)]
     same = torch.ones(count, dtype=torch.float64)
-    angles = truth["direction"] * 360 / count * torch.arange(count)
+    angles = truth["direction"] * 360 / count * torch.arange(count, dtype=torch.float64)
     if jitter:
         angles = angles + torch.as_tensor(random.normal(0, jitter, count))
     plain = orbit_cameras(names, size, 2.732 * same, truth["elevation"] * same, angles)

@@ -38,6 +38,7 @@ RIVAL, RIVALS = 3.0, 4  # ratio of the costs up to which worse starts are refine
 SAME = 0.02  # relative difference of two steps under which they are one
 FOLDS = 8  # arcs of an outline; every other one is held out to judge errors of the steps
 CLEAR = 3.0  # standard errors from which a difference counts
+BETTER = 2.0  # standard errors by which errors of the steps explain what was held out
 FIXED = np.array([2.0, 1.0, 1.0, 0.5, 0.3])  # standard deviations up to which the data fix one
 LEVEL = 3.0  # degrees of elevation under which a mirrored object fits as well
 ALIKE = 0.35  # pixels: silhouettes that differ by less are all the same
@@ -248,7 +249,7 @@ def _fit_offsets(turn: Turntable, fit: OptimizeResult, known: Sequence[int]) -> 
         x = fitted.fit(fit.x, own, OFFSET_STEPS).x
         gains.append(held_out.view_costs(fit.x) - held_out.view_costs(x))
     gain = np.mean(gains, axis=0)
-    if gain.mean() <= CLEAR * gain.std(ddof=1) / math.sqrt(len(gain)):
+    if gain.mean() <= BETTER * gain.std(ddof=1) / math.sqrt(len(gain)):
         return fit
     return turn.fit(fit.x, _free(turn, known, offsets=True), OFFSET_STEPS)
 
