@@ -56,6 +56,7 @@ wildcard_constraints:
     variant=NAME,
     views=r"\d+-(pad|stretch)",
     cameras=r"turntable|file_\w+",
+    calibration="calibrate(_anywhere)?",
     source="[a-z]+",
     scene=r"\d+-[a-z]+-\w+-\w+",
 

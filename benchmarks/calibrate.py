@@ -16,7 +16,7 @@ import torch
 
 from silmesh.cameras.calibrate import Calibration, calibrate
 from silmesh.cameras.camera import Cameras
-from silmesh.cameras.turntable import turntable_cameras
+from silmesh.cameras.turntable import orbit_cameras, turntable_cameras
 from silmesh.evaluation import coherence
 from silmesh.hull import carve
 from silmesh.scene import normalising
@@ -25,11 +25,17 @@ from silmesh.softras import soft_silhouettes
 from silmesh.synthetic.make import make_object
 from silmesh.views import natural_key
 
-OBJECTS = ("bear", "tube", "plane", "pot")
+OBJECTS = ("apricot", "bear", "bottle", "plane", "pot", "tube")
 
 
-def random_turntable(count: int, size: int, random: np.random.Generator) -> tuple[Cameras, dict]:
-    """Cameras that do not look at the axis, nor upright, and what they are."""
+def random_turntable(
+    count: int, size: int, random: np.random.Generator, jitter: float = 0.0
+) -> tuple[Cameras, dict]:
+    """Cameras that do not look at the axis, nor upright, and what they are.
+
+    Args:
+        jitter: standard deviation of the errors of their steps, in degrees
+    """
     truth = {
         "elevation": random.uniform(0, 30),
         "roll": random.uniform(-2, 2),
@@ -37,9 +43,11 @@ def random_turntable(count: int, size: int, random: np.random.Generator) -> tupl
         "direction": int(random.choice([-1, 1])),
     }
     names = [f"v{i}" for i in range(count)]
-    plain = turntable_cameras(
-        names, size, 2.732, truth["elevation"], truth["direction"] * 360 / count
-    )
+    same = torch.ones(count, dtype=torch.float64)
+    angles = truth["direction"] * 360 / count * torch.arange(count, dtype=torch.float64)
+    if jitter:
+        angles = angles + torch.as_tensor(random.normal(0, jitter, count))
+    plain = orbit_cameras(names, size, 2.732 * same, truth["elevation"] * same, angles)
     roll, tan = math.radians(truth["roll"]), math.tan(math.radians(truth["half_angle"]))
     lean = torch.eye(3, dtype=torch.float64)
     lean[:2, :2] = torch.tensor(
@@ -77,12 +85,13 @@ def judge(found: Calibration, cameras: Cameras, truth: dict) -> dict:
         "elevation": abs(e["elevation"].value - truth["elevation"]),
         "roll": abs(e["roll"].value - truth["roll"]),
         "direction": bool(np.sign(e["step"].value) == truth["direction"]),
+        "half_angle": abs(e["half_angle"].value - truth["half_angle"]),
     }
 
 
-def run_case(seed: int, count: int, size: int) -> dict:
+def run_case(seed: int, count: int, size: int, jitter: float) -> dict:
     """One random turntable with one of the objects."""
-    cameras, truth = random_turntable(count, size, np.random.default_rng(seed))
+    cameras, truth = random_turntable(count, size, np.random.default_rng(seed), jitter)
     name = OBJECTS[seed % len(OBJECTS)]
     seen = render(name, cameras)
     start = time.perf_counter()
@@ -94,22 +103,43 @@ def run_case(seed: int, count: int, size: int) -> dict:
         "found": {k: [v.value, v.sd, v.status] for k, v in found.estimates.items()},
         "errors": judge(found, cameras, truth),
         "certain": found.direction_certain,
+        "own_angles": bool(found.offsets.any()),
         "rms": found.rms,
         "seconds": time.perf_counter() - start,
     }
 
 
 def summarise(cases: list[dict]) -> dict:
-    """Median and worst errors; the direction's rate where the elevation is above 3 degrees."""
-    errors = [case["errors"] for case in cases]
-    high = [c["errors"]["direction"] for c in cases if c["truth"]["elevation"] > 3]
+    """Errors of what was reported as found, in pixels and degrees and in standard deviations.
+
+    The direction's rate is of the cases above 3 degrees of elevation that say it is certain.
+    """
+    errors = [case["errors"] for case in cases if case["found"]["elevation"][2] == "found"]
+    high = [c["errors"]["direction"] for c in cases if c["truth"]["elevation"] > 3 and c["certain"]]
+    ratios = np.array(
+        [
+            c["errors"][k] / c["found"][k][1]
+            for c in cases
+            for k in ("axis", "elevation", "roll", "half_angle")
+            if c["found"][k][2] == "found"
+        ]
+    )
     spread = {
         k: {"median": float(np.median(v)), "worst": float(np.max(v))}
         for k in ("axis", "elevation", "roll")
         for v in [[e[k] for e in errors]]
     }
     seconds = float(np.median([case["seconds"] for case in cases]))
-    return spread | {"direction_rate": float(np.mean(high)), "seconds": seconds}
+    return spread | {
+        "open": [f"{c['object']} {c['truth']['elevation']:.0f}" for c in cases
+                 if c["found"]["elevation"][2] == "open"],
+        "own_angles": sum(c["own_angles"] for c in cases),
+        "within_1_sd": float((ratios < 1).mean()),
+        "within_2_sd": float((ratios < 2).mean()),
+        "direction_rate": float(np.mean(high)),
+        "direction_certain": len(high),
+        "seconds": seconds,
+    }  # fmt: skip
 
 
 def measure_photographs(folder: Path, step: float) -> dict:
@@ -139,7 +169,8 @@ def measure_photographs(folder: Path, step: float) -> dict:
 def main() -> None:
     """Print what was measured."""
     args = argparse.ArgumentParser(description=__doc__)
-    args.add_argument("--cases", type=int, default=8)
+    args.add_argument("--cases", type=int, default=12)
+    args.add_argument("--jitter", type=float, default=0.0, help="of the steps, in degrees")
     args.add_argument("--views", type=int, nargs="+", default=[72, 36, 12])
     args.add_argument("--size", type=int, default=256)
     args.add_argument("--threads", type=int, default=2)
@@ -148,7 +179,9 @@ def main() -> None:
     args.add_argument("--details", action="store_true", help="every case")
     given = args.parse_args()
     torch.set_num_threads(given.threads)
-    cases = [run_case(i, v, given.size) for v in given.views for i in range(given.cases)]
+    cases = [
+        run_case(i, v, given.size, given.jitter) for v in given.views for i in range(given.cases)
+    ]
     by_views = {v: [c for c in cases if c["views"] == v] for v in given.views}
     result = {str(v): summarise(some) for v, some in by_views.items() if some}
     if given.silhouettes:

@@ -94,6 +94,17 @@ def test_found_cameras_are_named_by_their_silhouettes_too(plan):
     assert found.with_cameras("cup", b.cameras_keys[0]) == b
 
 
+def test_cameras_that_may_look_up_have_a_name_of_their_own(plan):
+    found = plan(
+        "a: {cameras: calibrate}, b: {cameras: calibrate, calibrate: {above_table: false}}"
+    )
+    a, b = found.runs
+    assert (a.above_table, b.above_table) == (True, False)
+    assert b.cameras_keys == ("256-pad-mask-calibrate_anywhere",)
+    assert a.scene_key != b.scene_key == "256-pad-mask-calibrate_anywhere"
+    assert found.with_cameras("cup", b.cameras_keys[0]) == b
+
+
 def test_two_camera_files_have_two_names(plan):
     found = plan("a: {cameras: 'file:camera.npy'}, b: {cameras: 'file:cameras.json'}")
     a, b = found.runs

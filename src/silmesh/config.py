@@ -15,6 +15,7 @@ from pydantic import (
     Field,
     StringConstraints,
     ValidationError,
+    ValidationInfo,
     field_validator,
     model_validator,
 )
@@ -49,6 +50,7 @@ Positive = Annotated[
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False), "a number, 0 or above"]
 Momentum = Annotated[float, Field(ge=0, lt=1)]
 Pixels = _whole(16, 4096)
+Truth = Annotated[bool, Field(strict=True), "true or false"]
 
 
 class _Section(BaseModel):
@@ -63,10 +65,16 @@ class _Section(BaseModel):
 
     @field_validator("*", mode="before")
     @classmethod
-    def _refuse_truth(cls, value: Any) -> Any:
-        if isinstance(value, bool):
-            raise ValueError("no key takes true or false, which would pass for 1 or 0")
+    def _refuse_truth(cls, value: Any, info: ValidationInfo) -> Any:
+        if isinstance(value, bool) and not cls._takes_truth(info.field_name):
+            raise ValueError("this key does not take true or false, which would pass for 1 or 0")
         return value
+
+    @classmethod
+    def _takes_truth(cls, name: str) -> bool:
+        annotation = cls.model_fields[name].annotation
+        members = (annotation, *get_args(annotation))
+        return any(bool in (member, *get_args(member)) for member in members)
 
 
 class Views(_Section):
@@ -83,6 +91,22 @@ class ViewsOverride(_Section):
 
     size: Pixels | None = Field(None, description="overrides the run's views.size")
     resize: Resize | None = Field(None, description="overrides the run's views.resize")
+
+
+class Calibrate(_Section):
+    """Cameras found from silhouettes."""
+
+    above_table: Truth = Field(
+        True,
+        description="the camera is taken not to look up at the table, unless perspective clearly "
+        "says so; false where it may",
+    )
+
+
+class CalibrateOverride(_Section):
+    """What a variant changes of the run's calibration."""
+
+    above_table: Truth | None = Field(None, description="overrides the run's calibrate.above_table")
 
 
 class Init(_Section):
@@ -136,6 +160,9 @@ class Variant(_Section):
     silhouettes: SilhouetteSource | None = Field(None, description="overrides the object's row")
     cameras: CameraSource | None = Field(None, description="overrides the object's row")
     views: ViewsOverride = Field(ViewsOverride(), description="overrides the run's views")
+    calibrate: CalibrateOverride = Field(
+        CalibrateOverride(), description="overrides the run's calibrate"
+    )
     init: Init = Field(Init(), description="the first mesh")
     fit: Fit = Field(Fit(), description="the fit")
 
@@ -147,6 +174,7 @@ class Config(_Section):
         description="the dataset list, relative to the working directory"
     )
     views: Views = Field(Views(), description="the working images")
+    calibrate: Calibrate = Field(Calibrate(), description="cameras found from silhouettes")
     variants: Annotated[
         dict[Name, Variant], Field(min_length=1), "names, each with its settings"
     ] = Field(

@@ -33,6 +33,7 @@ class Run:
     views: Views
     silhouettes: str
     cameras: str
+    above_table: bool
     init: Init
     fit: Fit
 
@@ -97,6 +98,8 @@ class Run:
 
     @property
     def _cameras_name(self) -> str:
+        if self.cameras == "calibrate" and not self.above_table:
+            return "calibrate_anywhere"
         if self.camera_file is None:
             return self.cameras
         return f"file_{zlib.crc32(self.cameras.encode()):08x}"
@@ -178,4 +181,6 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
             "or lacks a number; should be distance,elevation,step, for example 2.732,0,5; "
             "cameras 'calibrate' finds what is not known"
         )
-    return Run(dataset, name, views, silhouettes, cameras, variant.init, variant.fit)
+    above = variant.calibrate.above_table
+    above = config.calibrate.above_table if above is None else above
+    return Run(dataset, name, views, silhouettes, cameras, above, variant.init, variant.fit)

@@ -9,7 +9,12 @@ from scenes import silhouettes as ellipsoid
 from scenes import turntable
 
 from silmesh.cameras.attempt import read_attempt, write_attempt
-from silmesh.cameras.calibrate import attempt_calibration, calibrate
+from silmesh.cameras.calibrate import (
+    Estimate,
+    _warn_of_rivals,
+    attempt_calibration,
+    calibrate,
+)
 from silmesh.cameras.camera import Cameras
 from silmesh.cameras.turntable import orbit_cameras
 from silmesh.errors import InputError
@@ -182,8 +187,113 @@ def test_a_ball_on_the_axis_fixes_neither_elevation_nor_perspective():
     status = {name: e.status for name, e in found.estimates.items()}
     assert status["elevation"] == status["half_angle"] == "open"
     assert found.estimates["axis"].value == pytest.approx(32, abs=0.3)
+    assert status["axis"] == "found"
     assert not found.direction_certain
-    assert "elevation is not fixed by the silhouettes" in " ".join(found.warnings)
+    assert [w for w in found.warnings if "all silhouettes are the same" in w] == [*found.warnings]
+
+
+def test_a_thing_on_a_lathe_fixes_nothing_but_its_axis():
+    """A spheroid off the middle: a camera at any lower elevation explains it as well."""
+    cameras = turntable(12, 64, elevation=25)
+    found = calibrate(ellipsoid(cameras, (0.2, 0.35, 0.2)), cameras.views, step=30)
+    e = found.estimates
+    assert (e["axis"].status, e["roll"].status) == ("found", "found")
+    assert (e["elevation"].status, e["half_angle"].status) == ("open", "open")
+    assert not found.direction_certain
+    assert "turned on a lathe" in found.warnings[0]
+
+
+LOW = {"elevation": -20.0, "half_angle": 18.0}
+
+
+@pytest.fixture(scope="module")
+def from_below():
+    """The bear seen from below the table with a wide view."""
+    cameras = stand(30 * np.arange(12), **LOW)
+    return cameras, render("bear", cameras)
+
+
+@pytest.mark.parametrize("above_table", [True, False])
+def test_perspective_tells_a_camera_below_the_table(from_below, above_table):
+    cameras, seen = from_below
+    found = calibrate(seen, cameras.views, step=30, above_table=above_table)
+    assert found.mirror == "perspective"
+    assert found.estimates["elevation"].value == pytest.approx(-20, abs=1)
+    assert found.estimates["step"].value > 0
+    assert "looks up at the table" in " ".join(found.warnings)
+
+
+def test_far_away_the_table_tells_the_mirror_image():
+    """With next to no perspective a camera below fits as well."""
+    cameras = stand(30 * np.arange(12), elevation=-20.0, half_angle=1.0, size=64)
+    seen = render("bear", cameras)
+    above = calibrate(seen, cameras.views, step=30)
+    assert above.mirror == "table"
+    assert above.estimates["elevation"].value == pytest.approx(20, abs=2)
+    assert above.estimates["step"].value < 0
+    free = calibrate(seen, cameras.views, step=30, above_table=False)
+    assert free.mirror == "open"
+    assert abs(free.estimates["elevation"].value) == pytest.approx(20, abs=2)
+    assert "mirrored" in " ".join(free.warnings)
+
+
+def test_a_known_distance_is_weighed_in():
+    """The ball fixes no perspective; its size is 0.6, and it stands 2.732 away."""
+    cameras = turntable(12, 64)
+    seen = ellipsoid(cameras, (0.3, 0.3, 0.3))
+    found = calibrate(seen, cameras.views, step=30, distance=2.732 / 0.6)
+    assert found.estimates["half_angle"].value == pytest.approx(15, abs=2)
+
+
+def test_steps_that_explain_as_much_are_named():
+    """A square prism looks the same after a quarter turn: 10 degrees a view, or 80 back."""
+    estimates = {
+        "elevation": Estimate(12.0, 0.1, "found"),
+        "step": Estimate(10.0, 0.1, "found"),
+    }
+    rivals = [np.array([12.0, 0, 64, -1.7, step]) for step in (80.0, 10.1)]
+    said = _warn_of_rivals(estimates, rivals, True, "perspective")
+    assert said == [
+        "steps of 10 and 80 degrees explain the silhouettes as well; if you know the step, "
+        "give it: turntable ',,step'"
+    ]
+
+
+def test_a_photograph_that_came_twice_is_named(bear):
+    _, seen = bear
+    order = [0, 1, 2, 3, 4, 5, 5, 6, 7, 8, 9, 10, 11]
+    names = [f"p{i}" for i in range(13)]
+    attempt = attempt_calibration(seen[order], names, step=30)
+    said = " ".join(attempt.warnings) + (attempt.refusal or "")
+    assert "'p5' and 'p6' show the same silhouette" in said
+
+
+def test_views_out_of_order(bear):
+    cameras, seen = bear
+    order = np.random.default_rng(1).permutation(12)
+    with pytest.raises(InputError, match=r"no turntable explains.*in the order in which"):
+        calibrate(seen[order], cameras.views, step=30)
+
+
+def test_an_object_that_the_frame_cuts():
+    """The bear's feet are below the frame in all views."""
+    cameras = stand(30 * np.arange(12), shift=(0.03, 0.24))
+    seen = render("bear", cameras)
+    assert seen[:, -1].any(axis=1).all()
+    found = calibrate(seen, cameras.views, step=30)
+    assert found.estimates["elevation"].value == pytest.approx(12, abs=1.5)
+    assert found.estimates["axis"].value == pytest.approx(axis_at(cameras, found.row), abs=0.5)
+    assert found.warnings[0] == (
+        "the frame cuts the object in 12 of 12 views: 'v0', 'v1', 'v2' and 9 more"
+    )
+
+
+def test_an_empty_silhouette_is_named(bear):
+    cameras, seen = bear
+    blank = seen.copy()
+    blank[4] = False
+    with pytest.raises(InputError, match="view 'v4' is empty"):
+        calibrate(blank, cameras.views, step=30)
 
 
 def test_two_views():

@@ -13,7 +13,7 @@ SIZE, COUNT, RADIUS = 64, 6, 0.5
 def ellipsoid():
     """Outlines of an ellipsoid off the axis, and its cameras' K, R and t."""
     cameras = turntable(COUNT, SIZE, elevation=15)
-    outlines = trace(silhouettes(cameras, (0.3, 0.15, 0.2), (0.1, -0.05, 0.05)), 12)
+    outlines = trace(silhouettes(cameras, (0.3, 0.15, 0.2), (0.1, -0.05, 0.05)), 12, cameras.views)
     return outlines, cameras.K[0].numpy(), cameras.R.numpy(), cameras.t.numpy()
 
 
@@ -107,7 +107,7 @@ def test_the_threads_do_not_matter(ellipsoid):
 def test_points_lie_evenly_on_the_outline():
     y, x = np.mgrid[:SIZE, :SIZE] + 0.5
     disc = (x - 30) ** 2 + (y - 34) ** 2 < 20**2
-    outlines = trace(disc[None], 40)
+    outlines = trace(disc[None], 40, ["a"])
     radius = np.linalg.norm(outlines.points[0] - [30, 34], axis=1)
     np.testing.assert_allclose(radius, 20, atol=0.6)
     gaps = np.linalg.norm(np.diff(outlines.points[0], axis=0), axis=1)
@@ -119,17 +119,19 @@ def test_points_lie_evenly_on_the_outline():
 def test_an_outline_at_the_frame_is_not_the_objects():
     half = np.zeros((1, SIZE, SIZE), bool)
     half[0, 10:50, :30] = True
-    outlines = trace(half, 140)
+    outlines = trace(half, 140, ["a"])
     assert outlines.cut.all()
     at_frame = outlines.points[0, :, 0] < 1
     assert 30 < at_frame.sum() < 50  # of 40 + 40 + 30 + 30 pixels around
     np.testing.assert_array_equal(outlines.known[0], ~at_frame)
 
 
-@pytest.mark.parametrize(("fill", "words"), [(False, "view 2 is empty"), (True, "view 2 fills")])
+@pytest.mark.parametrize(
+    ("fill", "words"), [(False, "view 'b' is empty"), (True, "view 'b' fills")]
+)
 def test_no_outline(fill, words):
     seen = np.zeros((3, 16, 16), bool)
     seen[:, 5:9, 5:9] = True
     seen[1] = fill
     with pytest.raises(InputError, match=words):
-        trace(seen, 8)
+        trace(seen, 8, ["a", "b", "c"])

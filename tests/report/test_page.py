@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 import pytest
 from PIL import Image
 
-from silmesh.report.page import LACKING, METRICS, run_settings, show, write_page
+from silmesh.report.page import LACKING, METRICS, Scene, run_settings, show, write_page
 
 VOID = {"meta", "link", "img", "br", "hr", "input"}
 SETTINGS = {
@@ -67,7 +67,15 @@ def files(tmp_path):
     for run in METRICS_OF:
         pictures[run] = tmp_path / f"{'_'.join(run)}.png"
         Image.new("RGB", (1122, 574)).save(pictures[run])
-    return figures, pictures
+    Image.new("RGB", (1126, 615)).save(tmp_path / "rings.png")
+    told = {
+        "cameras": "turntable", "dropped": {}, "warnings": [], "figures": {},
+        "hull_iou": {"r0": 0.9}, "hull_iou_mean": 0.9,
+    }  # fmt: skip
+    scene = Scene("256-pad-mask-turntable", told, tmp_path / "rings.png")
+    other = Scene("128-pad-alpha-turntable", told, tmp_path / "rings.png")
+    scenes = {run: other if run[1] == "fine-2" else scene for run in METRICS_OF}
+    return figures, pictures, scenes
 
 
 @pytest.fixture
@@ -95,7 +103,8 @@ def test_nothing_is_fetched(page):
 
 def test_every_image_says_what_it_shows(page):
     images = [attrs for tag, attrs in Reader(page).tags if tag == "img"]
-    assert len(images) == 2 + 2 * 3  # a figure an object; a thumbnail and a picture a run
+    # a figure an object; a thumbnail and a picture a run; a picture of cameras a scene
+    assert len(images) == 2 + 2 * 3 + 3
     assert all(len(attrs["alt"]) > 10 for attrs in images)
 
 
@@ -125,7 +134,7 @@ def test_low_coherence_is_said_in_words_where_it_is_low(page):
 
 
 def test_names_and_values_are_escaped(files):
-    figures, pictures = files
+    figures, pictures, scenes = files
     figures = {"<i>x": figures["pot"]}
     run = ("<i>x", '"plain"&')
     settings = {
@@ -133,7 +142,9 @@ def test_names_and_values_are_escaped(files):
         "objects": {"<i>x": {}},
     }
     metrics = {run: {"iou_mean": 0.5}}
-    page = write_page(metrics, figures, {run: pictures["pot", "plain"]}, settings)
+    page = write_page(
+        metrics, figures, {run: pictures["pot", "plain"]}, {run: scenes["pot", "plain"]}, settings
+    )
     assert not {"i", "u", "b"} & {tag for tag, _ in Reader(page).tags}
     assert "&lt;i&gt;x" in page
     assert "&#34;plain&#34;&amp;" in page

@@ -9,13 +9,15 @@ import torch
 import trimesh
 from PIL import Image
 
-from silmesh.cameras.camera import write_cameras
+from silmesh.cameras.camera import Similarity, write_cameras
 from silmesh.cameras.turntable import turntable_cameras
+from silmesh.scene import write_scene
 from silmesh.silhouettes import encode
 from silmesh.softras import soft_silhouettes
-from silmesh.steps import figure, picture, report
+from silmesh.steps import figure, picture, report, rings
 
 RUNS = ["box-1/plain", "box-1/fine"]
+SCENE = "box-1/stages/scenes/64"
 
 
 @pytest.fixture
@@ -29,6 +31,20 @@ def results(tmp_path):
         (tmp_path / folder).mkdir()
         for view, mask in zip(cameras.views, masks, strict=True):
             encode(mask).save(tmp_path / folder / f"{view}.png")
+    told = {
+        "cameras": "calibrate",
+        "dropped": {"e": "blurred & <b>"},
+        "warnings": ["elevation is a guess"],
+        "figures": {
+            "estimates": {
+                "elevation": {"value": 10.004, "sd": 0.456, "status": "found"},
+                "step": {"value": -45.0, "sd": 0.0, "status": "given"},
+            }
+        },
+    }
+    pictures = {name: tmp_path / name for name in ("views", "silhouettes")}
+    agreement = np.array([0.91, 0.93, 0.95, 0.97])
+    write_scene(tmp_path / SCENE, cameras, Similarity.identity(), agreement, pictures, told)
     for i, run in enumerate(RUNS):
         folder = tmp_path / run
         folder.mkdir(parents=True)
@@ -52,13 +68,17 @@ def test_tables_figure_pictures_and_page_from_results(results):
             f" --scene {results}"
             f" --output {made}/pictures/{run}.png".split()
         )
+    rings.main(
+        f"--scene {results}/{SCENE} --threads 1 --output {made}/cameras/box-1/64.png".split()
+    )
     settings = {
         "configuration": {"views": {"size": 64}, "variants": {"plain": {}, "fine": {}}},
         "objects": {},
     }
     arguments = (
-        f"--results {results} --runs {' '.join(RUNS)} --losses {made}/losses.csv"
-        f" --summary {made}/summary.csv --page {made}/report.html --settings"
+        f"--results {results} --runs {' '.join(f'{run}/64' for run in RUNS)}"
+        f" --losses {made}/losses.csv --summary {made}/summary.csv"
+        f" --page {made}/report.html --settings"
     )
     report.main([*arguments.split(), json.dumps(settings)])
     with open(made / "losses.csv", newline="") as file:
@@ -75,5 +95,9 @@ def test_tables_figure_pictures_and_page_from_results(results):
     page = (made / "report.html").read_text()
     assert "0.900" in page
     assert "0.910" in page
+    assert page.count("as frusta around the visual hull") == 1  # both runs share the scene
+    for said in ("10.00 ± 0.46°", "-45.00°", "Elevation is a guess.", "blurred &amp; &lt;b&gt;"):
+        assert said in page
+    assert "hull IoU of 0.940" in page
     with Image.open(made / "pictures" / "box-1" / "plain.png") as image:
         assert np.ptp(np.asarray(image)) > 100

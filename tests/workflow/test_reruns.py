@@ -23,7 +23,7 @@ def from_fit(*variants: str, name: str = "cup") -> set[str]:
 
 
 FROM_FIRST = set(FIRST.values()) | from_fit(*VARIANTS)
-FROM_SCENE = {f"scene {SCENE}"} | FROM_FIRST
+FROM_SCENE = {f"scene {SCENE}", f"rings {SCENE}"} | FROM_FIRST
 FROM_SILHOUETTES = {"silhouettes cup/32-pad-mask"} | FROM_SCENE
 FROM_CAMERAS = {"cameras cup/32-pad-turntable"} | FROM_SCENE
 ALL = {"views cup/32-pad"} | FROM_SILHOUETTES | FROM_CAMERAS
@@ -146,6 +146,7 @@ def test_a_variant_of_other_silhouettes(project):
     assert project.outdated() == {
         "silhouettes cup/32-pad-threshold",
         f"scene {scene}",
+        f"rings {scene}",
         f"first {scene}-sphere-60-bbox",
         *from_fit("plain"),
     }
@@ -158,6 +159,7 @@ def test_cameras_found_from_silhouettes(project):
     from_calibrate = {
         f"calibrate {scene}",
         f"scene {scene}",
+        f"rings {scene}",
         f"first {scene}-sphere-60-bbox",
         *from_fit("found"),
     }

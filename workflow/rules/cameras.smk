@@ -32,9 +32,9 @@ rule calibrate:
         views="results/{object}/stages/views/{views}",
         silhouettes="results/{object}/stages/silhouettes/{views}-{source}",
     output:
-        directory("results/{object}/stages/cameras/{views}-{source}-calibrate"),
+        directory("results/{object}/stages/cameras/{views}-{source}-{calibration}"),
     log:
-        "logs/cameras/{object}-{views}-{source}-calibrate.log",
+        "logs/cameras/{object}-{views}-{source}-{calibration}.log",
     priority: 10
     threads: 2
     params:

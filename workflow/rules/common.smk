@@ -29,10 +29,16 @@ def camera_source(wildcards):
 
 def known_geometry(wildcards):
     """The arguments that say what is known of a turntable whose geometry is to be found."""
-    key = f"{wildcards.views}-{wildcards.source}-calibrate"
-    known = plan.with_cameras(wildcards.object, key).turntable
-    values = {"--elevation": known.elevation, "--step": known.step}
-    return " ".join(f"{k}={v}" for k, v in values.items() if v is not None)
+    key = f"{wildcards.views}-{wildcards.source}-{wildcards.calibration}"
+    run = plan.with_cameras(wildcards.object, key)
+    known = run.turntable
+    values = {
+        "--elevation": known.elevation,
+        "--step": known.step,
+        "--distance": known.distance,
+    }
+    said = [f"{k}={v}" for k, v in values.items() if v is not None]
+    return " ".join(said + ["--no-above-table"] * (not run.above_table))
 
 
 def fit_inputs(wildcards):
@@ -93,5 +99,7 @@ def report_settings():
 
 
 def every_run(path):
-    """A path of each run."""
-    return [path.format(run.dataset.object, run.variant) for run in plan.runs]
+    """A path of each run: {0} is its object, {1} its variant, {2} its scene."""
+    return [
+        path.format(run.dataset.object, run.variant, run.scene_key) for run in plan.runs
+    ]

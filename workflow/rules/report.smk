@@ -1,6 +1,7 @@
 # requires  every run's losses, metrics and mesh, with its scene
-# makes     a loss figure an object, a picture a run, two tables of all, and the page with them
-# runs      silmesh.steps.figure, silmesh.steps.picture, silmesh.steps.report
+# makes     a loss figure an object, a picture a run, one of each scene's cameras, two tables of all,
+#           and the page with them
+# runs      silmesh.steps.figure, silmesh.steps.picture, silmesh.steps.rings, silmesh.steps.report
 
 
 rule figure:
@@ -55,12 +56,36 @@ rule picture:
         " --scene {input.scene:q} --output {output:q} 2> {log:q}"
 
 
+rule rings:
+    input:
+        scene="results/{object}/stages/scenes/{scene}",
+    output:
+        report(
+            "results/report/cameras/{object}/{scene}.png",
+            caption="../report/rings.rst",
+            category="Cameras",
+            subcategory="{object}",
+            labels={"object": "{object}", "scene": "{scene}"},
+        ),
+    log:
+        "logs/rings/{object}-{scene}.log",
+    params:
+        code=code_digest("silmesh.steps.rings"),
+    message:
+        "{wildcards.object}: drawing the cameras of {wildcards.scene}"
+    shell:
+        "python -m silmesh.steps.rings --scene {input.scene:q} --threads {threads}"
+        " --output {output:q} 2> {log:q}"
+
+
 rule page:
     input:
         losses=every_run("results/{}/{}/loss.csv"),
         metrics=every_run("results/{}/{}/metrics.json"),
         pictures=every_run("results/report/pictures/{}/{}.png"),
         figures=list(dict.fromkeys(every_run("results/report/figures/{}.svg"))),
+        scenes=list(dict.fromkeys(every_run("results/{0}/stages/scenes/{2}"))),
+        rings=list(dict.fromkeys(every_run("results/report/cameras/{0}/{2}.png"))),
     output:
         losses=report(
             "results/report/losses.csv",
@@ -83,7 +108,7 @@ rule page:
     log:
         "logs/report.log",
     params:
-        runs=every_run("{}/{}"),
+        runs=every_run("{}/{}/{}"),
         settings=report_settings(),
         code=code_digest("silmesh.steps.report"),
         template=file_digest("silmesh.report", "page.html.j2"),

@@ -1,54 +1,54 @@
 """Cameras of a turntable whose geometry is unknown, from silhouettes alone.
 
-The measure is by how much the rays through the outlines miss the body that all other views allow,
-``silmesh.cameras.tangency``: one residual a point of an outline, in pixels. It is smooth enough for
-least squares, which also says how well the data fix each parameter.
-
-The model: the world turns about its axis y before one camera whose principal point is the image's
-middle. Silhouettes show no scale, so the image's side spans WIDTH at the axis, and the half angle
-of view says how strong the perspective is: the distance is WIDTH / 2 / tan(half angle). Weak
-priors, worth one residual each, keep what the data leave open.
+The measure and the model are those of ``silmesh.cameras.turning``: least squares over residuals
+that are smooth enough for it, which also says how well the data fix each parameter. Coarse to fine,
+from several starts, in both directions of turning.
 """
 
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from itertools import pairwise
 
 import numpy as np
 import torch
-from scipy.optimize import OptimizeResult, least_squares
+from scipy.optimize import OptimizeResult
 
 from silmesh.cameras.attempt import Attempt
 from silmesh.cameras.camera import Cameras
-from silmesh.cameras.tangency import Misses, Outlines, Pose, find_misses, measure_at, place, trace
+from silmesh.cameras.tangency import Misses, distance_between, trace
+from silmesh.cameras.turning import (
+    ELEVATION,
+    INDEPENDENT,
+    NAMES,
+    NOISE,
+    STEP,
+    VIEW,
+    Turntable,
+    mirrored,
+)
 from silmesh.errors import InputError
 
 FEWEST_VIEWS = 3
-WIDTH = 1.6  # of the image at the axis, in world units
-SAMPLES = 32  # points of each outline
-COARSE_VIEWS, COARSE_EVERY = 24, 2  # what the starts are tried on: views, every n-th point
-COARSE_STEPS, FINE_STEPS, OFFSET_STEPS = 12, 20, 6  # evaluations of the residuals
-NOISE = 0.3  # pixels: how well a traced outline is known
-SOFT = 1.0  # pixels beyond which a residual counts less
-JITTER = 0.5  # degrees: standard deviation of a turntable's errors from view to view
-GAIN = 0.93  # of the rms residual: errors of the steps are kept when they bring it below this;
-# they always bring it down some, to 0.99 where the steps are even, 0.94 where masks are rough
-CORRELATED = 12  # residuals that are worth one, for neighbours share pixels; by made-up objects
-RIVAL = 3.0  # ratio of the two directions' costs up to which the worse one is refined too
-AMBIGUOUS = 1.05  # ratio of the two directions' costs under which neither is certain
-CERTAIN = 0.05  # pixels: differences in residuals below this prove nothing
-LEVEL = 3.0  # degrees of elevation under which a mirrored object fits as well
-SUSPECT, REFUSED = 1.0, 4.0  # rms residual per 256 pixels of the image
-
-ELEVATION, ROLL, AXIS, VIEW, STEP = range(5)  # the parameters; each view's own angle follows them
-NAMES = ("elevation", "roll", "axis", "half_angle", "step")
+POINTS, FEWEST_SAMPLES, MOST_SAMPLES = 1728, 32, 96  # of all outlines together; of each
 STARTS = [(e, a) for e in (4.0, 14.0, 28.0) for a in (8.0, 20.0)]  # elevation, half angle
 ARCS = (360.0, 270.0, 180.0, 120.0, 90.0)  # degrees that views at an unknown step may cover
-PRIOR_SD = np.array([20.0, 3.0, np.inf, 1.0, np.inf])  # half angle: of its tangent's logarithm
-PRIOR = np.array([10.0, 0.0, 0.0, math.log(math.tan(math.radians(12))), 0.0])
+COARSE_STEPS, FINE_STEPS, OFFSET_STEPS = 12, 20, 6  # evaluations of the residuals
+RIVAL, RIVALS = 3.0, 4  # ratio of the costs up to which worse starts are refined; at most so many
+SAME = 0.02  # relative difference of two steps under which they are one
+FOLDS = 8  # arcs of an outline; every other one is held out to judge errors of the steps
+CLEAR = 3.0  # standard errors from which a difference counts
+BETTER = 2.0  # standard errors by which errors of the steps explain what was held out
 FIXED = np.array([2.0, 1.0, 1.0, 0.5, 0.3])  # standard deviations up to which the data fix one
-SPREAD = np.array([3.0, 1.0, 3.0, 0.5, 0.1])  # typical sizes of a change
-NUDGE = np.array([0.05, 0.05, 0.1, 0.02, 0.005])  # for differences; as small as pixels allow
+LEVEL = 3.0  # degrees of elevation under which a mirrored object fits as well
+ALIKE = 0.35  # pixels: silhouettes that differ by less are all the same
+REPEATED = 0.05  # of the usual change from view to view: by less, a photograph came twice
+LISTED = 3  # views that a warning names
+LATHE = (
+    "all silhouettes are the same, as of a thing turned on a lathe that stands on the axis: they "
+    "show the axis, and neither elevation, perspective, step nor direction"
+)
+SUSPECT, REFUSED = 1.0, 4.0  # rms residual per 256 pixels of the image
 
 
 @dataclass(frozen=True)
@@ -78,6 +78,8 @@ class Calibration:
             to ``turntable_cameras``
         row: the middle of the silhouettes, in pixels
         direction_certain: whether the other direction fits clearly worse
+        mirror: what tells the object from its mirror image: ``perspective``, ``table`` (the camera
+            is taken to stand above it), ``elevation`` (it was given), or ``open``
         rms: root mean square of the residuals, in pixels
         view_rms: of each view
         offsets: [views] degrees by which each view's angle differs from even steps
@@ -88,6 +90,7 @@ class Calibration:
     estimates: dict[str, Estimate]
     row: float
     direction_certain: bool
+    mirror: str
     rms: float
     view_rms: np.ndarray
     offsets: np.ndarray
@@ -99,6 +102,7 @@ def calibrate(
     views: Sequence[str],
     step: float | None = None,
     elevation: float | None = None,
+    distance: float | None = None,
     above_table: bool = True,
     aspect: float = 1.0,
 ) -> Calibration:
@@ -109,8 +113,10 @@ def calibrate(
         views: their names
         step: degrees from view to view, if known; its sign does not matter
         elevation: of the camera above the table in degrees, if known
-        above_table: whether the camera does not look up at the table; it tells an object from
-            its mirror image, which turns the other way before a camera below
+        distance: of the camera from the axis in sizes of the object, if known roughly
+        above_table: whether the camera is taken not to look up at the table, unless perspective
+            clearly says so; it tells an object from its mirror image, which turns the other way
+            before a camera below
         aspect: height over width of a square's image, for photographs that were stretched
 
     Raises:
@@ -122,18 +128,22 @@ def calibrate(
             f"cameras 'calibrate': there are {len(silhouettes)} views; it takes at least "
             f"{FEWEST_VIEWS}, and a dozen to be trusted"
         )
-    turn = _Turntable(trace(silhouettes, SAMPLES), silhouettes.shape[1], above_table, aspect)
-    starts = _search(turn, step, elevation)
+    samples = int(np.clip(POINTS // len(views), FEWEST_SAMPLES, MOST_SAMPLES))
+    outlines = trace(silhouettes, samples, views)
+    turn = Turntable(outlines, silhouettes.shape[1], aspect, distance)
     known = [i for i, value in ((ELEVATION, elevation), (STEP, step)) if value is not None]
-    costs = [turn.cost(start) for start in starts]
-    rivals = [s for s, c in zip(starts, costs, strict=True) if c < RIVAL * min(costs) + NOISE**2]
-    fits = [turn.fit(start, _free(turn, known), FINE_STEPS) for start in rivals]
-    costs = sorted((turn.cost(fit.x), i) for i, fit in enumerate(fits))
-    certain = len(fits) == 1 or costs[1][0] > AMBIGUOUS * costs[0][0] + CERTAIN**2
-    best = _fit_offsets(turn, fits[costs[0][1]], known)
+    sides = (1,) if above_table else (1, -1)
+    starts = _search(turn, step, elevation, sides)
+    fits = [turn.fit(start, _free(turn, known), FINE_STEPS) for start in starts]
+    fits = sorted(fits, key=lambda fit: turn.cost(fit.x))
+    mirror = "elevation"
+    if elevation is None:
+        fits, mirror = _resolve_mirror(turn, fits, _free(turn, known), above_table)
+    best = _fit_offsets(turn, fits[0], known)
     misses = turn.misses(best.x)
-    _refuse_incoherent(turn, misses)
-    return _report(turn, best, misses, known, views, certain)
+    said = _look_at(turn, silhouettes, views)
+    _refuse_incoherent(turn, misses, said)
+    return _report(turn, best, misses, known, views, _find_rivals(turn, fits), mirror, said)
 
 
 def attempt_calibration(
@@ -148,6 +158,7 @@ def attempt_calibration(
         "estimates": {name: asdict(e) for name, e in found.estimates.items()},
         "row": float(found.row),
         "direction_certain": found.direction_certain,
+        "mirror": found.mirror,
         "rms": found.rms,
         "view_rms": dict(zip(found.cameras.views, found.view_rms.tolist(), strict=True)),
         "offsets": dict(zip(found.cameras.views, found.offsets.tolist(), strict=True)),
@@ -155,180 +166,117 @@ def attempt_calibration(
     return Attempt("calibrate", found.cameras, warnings=found.warnings, figures=figures)
 
 
-class _Turntable:
-    """The residuals of some silhouettes, as functions of all parameters.
-
-    The parameters x are, in degrees but for two: elevation, roll, axis (pixels), logarithm of the
-    half angle's tangent, step, and [views] offsets of the views from even steps.
-    """
-
-    def __init__(self, outlines: Outlines, size: int, above_table: bool, aspect: float):
-        self.outlines = outlines
-        self.size = size
-        self.above_table = above_table
-        self.aspect = aspect
-        self.index = np.arange(len(outlines.points))  # of the views, in steps from the first
-        low, high = outlines.points.min(axis=1), outlines.points.max(axis=1)  # [views, 2]
-        self.column, self.row = ((low + high) / 2).mean(axis=0)
-        from_middle = (outlines.points - [self.column, self.row]) / [1, aspect]
-        reach = np.linalg.norm(from_middle, axis=2).max()
-        self.radius = 1.2 * reach * WIDTH / size  # of the object about its middle, with a margin
-
-    def thin(self) -> "_Turntable":
-        """The same on fewer views and points."""
-        count = len(self.index)
-        kept = np.unique(np.linspace(0, count, COARSE_VIEWS, endpoint=False).astype(int))
-        kept = kept if count > COARSE_VIEWS else np.arange(count)
-        thin = _Turntable(self.outlines, self.size, self.above_table, self.aspect)
-        thin.outlines, thin.index = self.outlines.select(kept, COARSE_EVERY), kept
-        return thin
-
-    def start(self, elevation: float, half_angle: float, step: float) -> np.ndarray:
-        """Parameters with the axis amid the silhouettes."""
-        log_tan = math.log(math.tan(math.radians(half_angle)))
-        return np.array([elevation, 0, self.column, log_tan, step] + [0] * len(self.index))
-
-    def rotations(self, x: np.ndarray) -> np.ndarray:
-        """From the world to each view: [views, 3, 3]."""
-        e, roll = np.radians(x[[ELEVATION, ROLL]])
-        a = np.radians(x[STEP] * self.index + x[STEP + 1 :])
-        tilt = np.array(
-            [[1, 0, 0], [0, -math.cos(e), math.sin(e)], [0, -math.sin(e), -math.cos(e)]]
-        )
-        lean = np.array(
-            [[math.cos(roll), -math.sin(roll), 0], [math.sin(roll), math.cos(roll), 0], [0, 0, 1]]
-        )
-        turn = np.zeros((len(a), 3, 3))
-        turn[:, 0, 0], turn[:, 0, 2] = np.cos(a), -np.sin(a)
-        turn[:, 2, 0], turn[:, 2, 2] = np.sin(a), np.cos(a)
-        turn[:, 1, 1] = 1
-        return lean @ tilt @ turn
-
-    def camera(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """K [3, 3], R [views, 3, 3], t [views, 3]."""
-        half, focal = self.size / 2, self.size / 2 / math.exp(x[VIEW])
-        K = np.array([[focal, 0, half], [0, focal * self.aspect, half], [0, 0, 1]])
-        unit = WIDTH / self.size  # of a pixel at the axis
-        t = [(x[AXIS] - half) * unit, (self.row - half) * unit / self.aspect, focal * unit]
-        return K, self.rotations(x), np.tile(t, (len(self.index), 1))
-
-    def pose(self, x: np.ndarray) -> Pose:
-        """The cameras for the kernels."""
-        return place(*self.camera(x), self.outlines.points)
-
-    def misses(self, x: np.ndarray) -> Misses:
-        """The data's residuals."""
-        return find_misses(self.outlines, self.pose(x), self.radius)
-
-    def slopes(self, x: np.ndarray, misses: Misses) -> np.ndarray:
-        """The data's derivatives: [views, samples, parameters]."""
-        shared = len(NUDGE)
-        slopes = np.zeros((*misses.pixels.shape, len(x)))
-        for i, nudge in enumerate(NUDGE):
-            up, down = (self.pose(x + d * np.eye(len(x))[i]) for d in (nudge, -nudge))
-            at = [measure_at(self.outlines, misses, pose, pose) for pose in (up, down)]
-            slopes[..., i] = (at[0] - at[1]) / (2 * nudge)
-        here, nudge = self.pose(x), NUDGE[ELEVATION]
-        every = np.r_[np.zeros(shared), np.ones(len(x) - shared)]
-        up, down = (self.pose(x + d * every) for d in (nudge, -nudge))
-        own = [measure_at(self.outlines, misses, pose, here) for pose in (up, down)]
-        other = [measure_at(self.outlines, misses, here, pose) for pose in (up, down)]
-        view, sample = np.nonzero(misses.view >= 0)
-        missed = misses.view[view, sample]
-        slopes[view, sample, shared + view] = ((own[0] - own[1]) / (2 * nudge))[view, sample]
-        slopes[view, sample, shared + missed] = ((other[0] - other[1]) / (2 * nudge))[view, sample]
-        return slopes
-
-    def prior(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Mean and standard deviation of every parameter before the data."""
-        sd = np.concatenate([PRIOR_SD, np.full(len(self.index), JITTER)])
-        sd[AXIS] = self.size / 10
-        mean = np.concatenate([PRIOR, np.zeros(len(self.index))])
-        mean[AXIS] = self.column
-        return mean, sd
-
-    def fit(self, start: np.ndarray, free: np.ndarray, steps: int) -> OptimizeResult:
-        """Least squares over the parameters ``free``; x of the result holds all of them."""
-        mean, sd = self.prior(start)
-        last: list[tuple[bytes, Misses]] = []
-
-        def whole(part: np.ndarray) -> np.ndarray:
-            x = start.copy()
-            x[free] = part
-            return x
-
-        def residuals(part: np.ndarray) -> np.ndarray:
-            x = whole(part)
-            last[:] = [(part.tobytes(), self.misses(x))]
-            return np.r_[last[0][1].pixels.ravel(), NOISE * ((x - mean) / sd)[free]]
-
-        def jacobian(part: np.ndarray) -> np.ndarray:
-            x = whole(part)
-            misses = last[0][1] if last[0][0] == part.tobytes() else self.misses(x)
-            data = self.slopes(x, misses).reshape(-1, len(x))[:, free]
-            return np.concatenate([data, np.diag(NOISE / sd[free])])
-
-        spread = np.r_[SPREAD, np.full(len(self.index), JITTER)]
-        bounds = self._bounds(len(start))[:, free]
-        found = least_squares(
-            residuals, np.clip(start[free], bounds[0] + 1e-6, bounds[1] - 1e-6), jacobian,
-            bounds=bounds, x_scale=spread[free], loss="soft_l1", f_scale=SOFT, tr_solver="lsmr",
-            max_nfev=steps, ftol=1e-4, xtol=1e-5,
-        )  # fmt: skip
-        found.x = whole(found.x)
-        return found
-
-    def _bounds(self, count: int) -> np.ndarray:
-        """Least and greatest parameters: [2, parameters]."""
-        bounds = np.array([[-np.inf], [np.inf]]).repeat(count, axis=1)
-        bounds[:, ELEVATION] = -1.0 if self.above_table else -75.0, 75.0
-        bounds[:, ROLL] = -30, 30
-        bounds[:, AXIS] = -self.size / 2, 1.5 * self.size
-        bounds[:, VIEW] = np.log(np.tan(np.radians([1.0, 45.0])))
-        return bounds
-
-    def cost(self, x: np.ndarray) -> float:
-        """Mean square of the data's residuals, in square pixels, large ones counting less."""
-        square = (self.misses(x).pixels[self.outlines.known] / SOFT) ** 2
-        return float(SOFT**2 * (2 * (np.sqrt(1 + square) - 1)).mean())
-
-
-def _free(turn: _Turntable, known: Sequence[int], offsets: bool = False) -> np.ndarray:
+def _free(turn: Turntable, known: Sequence[int], offsets: bool = False) -> np.ndarray:
     """The parameters that a fit may change."""
     free = [i for i in range(len(NAMES)) if i not in known]
     return np.array(free + [len(NAMES) + i for i in range(len(turn.index)) if offsets])
 
 
-def _search(turn: _Turntable, step: float | None, elevation: float | None) -> list[np.ndarray]:
-    """The best parameters of each direction of turning, found on fewer views."""
+def _search(
+    turn: Turntable, step: float | None, elevation: float | None, sides: Sequence[int]
+) -> list[np.ndarray]:
+    """The parameters to refine, found on fewer views.
+
+    The best of each direction of turning, side of the table and arc, unless clearly worse than the
+    best of all.
+    """
     thin = turn.thin()
     count = len(turn.index)
     steps = [abs(step)] if step is not None else [arc / count for arc in ARCS]
     starts = STARTS if step is not None else STARTS[::2]
     if elevation is not None:
-        starts = [(elevation, angle) for _, angle in STARTS[:2]]
-    if not turn.above_table and elevation is None:
-        starts = [(sign * e, a) for e, a in starts for sign in (1, -1)]
+        starts, sides = [(elevation, angle) for _, angle in STARTS[:2]], (1,)
     free = _free(thin, [STEP] if elevation is None else [STEP, ELEVATION])
-    best = []
-    for sign in (1, -1):
-        fits = [
-            thin.fit(thin.start(e, a, sign * s), free, COARSE_STEPS)
-            for s in steps
-            for e, a in starts
-        ]
-        x = min(fits, key=lambda fit: thin.cost(fit.x)).x
-        best.append(np.concatenate([x[: len(NAMES)], np.zeros(count)]))
-    return best
+    found = []
+    for turning in [direction * s for direction in (1, -1) for s in steps]:
+        for side in sides:
+            fits = [
+                thin.fit(thin.start(side * e, a, turning), free, COARSE_STEPS) for e, a in starts
+            ]
+            found.append(min(((thin.cost(fit.x), fit.x) for fit in fits), key=lambda pair: pair[0]))
+    found.sort(key=lambda pair: pair[0])
+    most = RIVAL * found[0][0] + NOISE**2
+    best = [x[: len(NAMES)] for cost, x in found[:RIVALS] if cost < most]
+    return [np.concatenate([x, np.zeros(count)]) for x in best]
 
 
-def _fit_offsets(turn: _Turntable, fit: OptimizeResult, known: Sequence[int]) -> OptimizeResult:
-    """Let every view have its own angle, if that explains the silhouettes clearly better."""
-    own = turn.fit(fit.x, _free(turn, known, offsets=True), OFFSET_STEPS)
-    return own if turn.cost(own.x) < GAIN**2 * turn.cost(fit.x) else fit
+def _resolve_mirror(
+    turn: Turntable, fits: list[OptimizeResult], free: np.ndarray, above_table: bool
+) -> tuple[list[OptimizeResult], str]:
+    """Tell the best fit from that of the mirrored object, by perspective where this is clear.
+
+    Returns:
+        the fits, the mirrored one first if it is clearly better, and what told them apart
+    """
+    best, thin = fits[0], turn.thin()
+    part = free[free < len(NAMES)]
+
+    def refine(x: np.ndarray) -> np.ndarray:
+        start = np.concatenate([x[: len(NAMES)], np.zeros(len(thin.index))])
+        return thin.fit(start, part, COARSE_STEPS).x
+
+    cost, other = (thin.cost(refine(x)) for x in (best.x, mirrored(best.x)))
+    if other < cost:
+        twin = turn.fit(mirrored(best.x), free, FINE_STEPS)
+        cost, other = turn.cost(best.x), turn.cost(twin.x)
+        if turn.excess(other, cost) > CLEAR:
+            return [twin, *fits], "perspective"
+        return fits, "table" if above_table else "open"
+    clear = thin.excess(cost, other) > CLEAR
+    return fits, "perspective" if clear else "table" if above_table else "open"
 
 
-def _refuse_incoherent(turn: _Turntable, misses: Misses) -> None:
+def _find_rivals(turn: Turntable, fits: Sequence[OptimizeResult]) -> list[np.ndarray]:
+    """The other fits that are not clearly worse than the first."""
+    cost = turn.cost(fits[0].x)
+    return [fit.x for fit in fits[1:] if turn.excess(cost, turn.cost(fit.x)) <= CLEAR]
+
+
+def _fit_offsets(turn: Turntable, fit: OptimizeResult, known: Sequence[int]) -> OptimizeResult:
+    """Let every view have its own angle, if that explains outlines that it was not fitted to.
+
+    Cross-validation in two folds: the angles are fitted to every other arc of each outline and
+    judged on the arcs between.
+    """
+    count = turn.outlines.known.shape[1]
+    fold = np.arange(count) * FOLDS // count % 2 == 0
+    own = len(NAMES) + np.arange(len(turn.index))
+    gains = []
+    for fitted, held_out in (
+        (turn.only(fold), turn.only(~fold)),
+        (turn.only(~fold), turn.only(fold)),
+    ):
+        x = fitted.fit(fit.x, own, OFFSET_STEPS).x
+        gains.append(held_out.view_costs(fit.x) - held_out.view_costs(x))
+    gain = np.mean(gains, axis=0)
+    if gain.mean() <= BETTER * gain.std(ddof=1) / math.sqrt(len(gain)):
+        return fit
+    return turn.fit(fit.x, _free(turn, known, offsets=True), OFFSET_STEPS)
+
+
+def _look_at(turn: Turntable, silhouettes: np.ndarray, views: Sequence[str]) -> list[str]:
+    """What a person should know of the silhouettes, in sentences."""
+    said = []
+    changes = np.array([(a ^ b).sum() for a, b in pairwise(silhouettes)])
+    twice = np.flatnonzero(changes < REPEATED * np.median(changes))
+    if len(twice):
+        pairs = [f"{views[i]!r} and {views[i + 1]!r}" for i in twice]
+        said.append(
+            f"{_list(pairs)} show the same silhouette: if a photograph came twice, leave one out"
+        )
+    cut = np.flatnonzero(turn.outlines.cut)
+    if len(cut):
+        names = _list([repr(views[i]) for i in cut])
+        said.append(f"the frame cuts the object in {len(cut)} of {len(views)} views: {names}")
+    return said
+
+
+def _list(items: Sequence[str]) -> str:
+    more = f" and {len(items) - LISTED} more" if len(items) > LISTED else ""
+    return ", ".join(items[:LISTED]) + more
+
+
+def _refuse_incoherent(turn: Turntable, misses: Misses, said: Sequence[str]) -> None:
     rms = _root_mean_square(misses.pixels[turn.outlines.known])
     allowed = REFUSED * turn.size / 256
     if rms > allowed:
@@ -337,20 +285,24 @@ def _refuse_incoherent(turn: _Turntable, misses: Misses) -> None:
             f"outlines miss each other by {rms:.2g} pixels (root mean square; at most "
             f"{allowed:.2g} is accepted). Are the views in the order in which they were taken, "
             "one even step apart, the camera still, and the silhouettes whole? A known step and "
-            "elevation help: turntable ',elevation,step'"
+            "elevation help: turntable ',elevation,step'" + "".join(f"; {s}" for s in said)
         )
 
 
 def _report(
-    turn: _Turntable,
+    turn: Turntable,
     fit: OptimizeResult,
     misses: Misses,
     known: Sequence[int],
     views: Sequence[str],
-    certain: bool,
+    rivals: Sequence[np.ndarray],
+    mirror: str,
+    said: Sequence[str],
 ) -> Calibration:
     own = fit.x[len(NAMES) :]
-    estimates = _estimate(turn, fit, misses, known, _free(turn, known, offsets=bool(own.any())))
+    alike = distance_between(turn.outlines) < ALIKE
+    free = _free(turn, known, offsets=bool(own.any()))
+    estimates = _estimate(turn, fit, misses, known, free, alike)
     view_rms = np.array(
         [
             _root_mean_square(r[k]) if k.any() else 0.0
@@ -361,20 +313,44 @@ def _report(
     K, R, t = (torch.as_tensor(part) for part in turn.camera(fit.x))
     count = len(views)
     cameras = Cameras(tuple(views), torch.full((count, 2), turn.size), K.repeat(count, 1, 1), R, t)
-    warnings = tuple(_warn(turn, estimates, certain, rms, view_rms, views))
-    return Calibration(cameras, estimates, turn.row, certain, rms, view_rms, own, warnings)
+    certain = not alike and all(x[STEP] * fit.x[STEP] > 0 for x in rivals)
+    warnings = [
+        *said,
+        *([LATHE] if alike else _warn_of_estimates(estimates)),
+        *([] if alike else _warn_of_rivals(estimates, rivals, certain, mirror)),
+        *_warn_of_misses(turn, rms, view_rms, views),
+    ]
+    return Calibration(
+        cameras, estimates, turn.row, certain, mirror, rms, view_rms, own, tuple(warnings)
+    )
 
 
 def _estimate(
-    turn: _Turntable, fit: OptimizeResult, misses: Misses, known: Sequence[int], free: np.ndarray
+    turn: Turntable,
+    fit: OptimizeResult,
+    misses: Misses,
+    known: Sequence[int],
+    free: np.ndarray,
+    alike: bool,
 ) -> dict[str, Estimate]:
-    """Values with their deviations, from the curvature of the cost where the fit ended."""
+    """Values with their deviations, from how the residuals change about where the fit ended.
+
+    Silhouettes that are all alike fix the axis, and of the rest only what they contradict: a level
+    camera explains them always.
+    """
     noise = max(NOISE, _root_mean_square(misses.pixels[turn.outlines.known]))
-    data = turn.slopes(fit.x, misses).reshape(-1, len(fit.x))[:, free]
-    _, prior_sd = turn.prior(fit.x)
-    precision = data.T @ data / (CORRELATED * noise**2) + np.diag(prior_sd[free] ** -2.0)
+    turn = turn.sparse()
+    slopes = turn.slopes(fit.x, turn.misses(fit.x))
+    slopes[..., : len(NAMES)] = turn.secants(fit.x)
+    data = slopes.reshape(-1, len(fit.x))[:, free]
+    _, prior_sd = turn.prior()
+    weight = INDEPENDENT / turn.outlines.known.shape[1] / noise**2
+    precision = weight * data.T @ data + np.diag(prior_sd[free] ** -2.0)
     sd = np.zeros(len(fit.x))
     sd[free] = np.sqrt(np.diag(np.linalg.pinv(precision)))
+    if alike:
+        loose = [i for i in (ELEVATION, VIEW, STEP) if i not in known]
+        sd[loose] = np.where(np.isfinite(prior_sd[loose]), prior_sd[loose], np.abs(fit.x[loose]))
     values = fit.x[: len(NAMES)].copy()
     values[VIEW] = math.degrees(math.atan(math.exp(values[VIEW])))
     status = ["found" if s <= most else "open" for s, most in zip(sd, FIXED, strict=False)]
@@ -385,39 +361,64 @@ def _estimate(
     }
 
 
-def _warn(
-    turn: _Turntable,
-    estimates: dict[str, Estimate],
-    certain: bool,
-    rms: float,
-    view_rms: np.ndarray,
-    views: Sequence[str],
-) -> list[str]:
-    """What a person should know of the result, in sentences."""
-    said = [
+def _warn_of_estimates(estimates: dict[str, Estimate]) -> list[str]:
+    return [
         f"{name} is not fixed by the silhouettes: {e.value:.3g} +- {e.sd:.2g} is mostly a guess"
         for name, e in estimates.items()
         if e.status == "open"
     ]
-    elevation = estimates["elevation"].value
+
+
+def _warn_of_rivals(
+    estimates: dict[str, Estimate],
+    rivals: Sequence[np.ndarray],
+    certain: bool,
+    mirror: str,
+) -> list[str]:
+    """What else explains the silhouettes as well."""
+    said = []
+    elevation, step = estimates["elevation"].value, estimates["step"].value
+    others = {round(abs(x[STEP]), 3) for x in rivals if abs(abs(x[STEP] / step) - 1) > SAME}
+    if others:
+        listed = ", ".join(f"{other:.3g}" for other in sorted(others))
+        said.append(
+            f"steps of {abs(step):.3g} and {listed} degrees explain the silhouettes as well; if "
+            "you know the step, give it: turntable ',,step'"
+        )
+    if mirror == "perspective" and elevation < 0:
+        said.append(
+            f"the camera looks up at the table ({elevation:.3g} degrees): by its perspective, a "
+            "camera above fits clearly worse"
+        )
     if not certain:
         said.append(
             "both directions of turning explain the silhouettes; if the mesh is mirrored, "
             "it is the other one"
         )
-    elif abs(elevation) < LEVEL:
+    elif mirror == "open":
+        said.append(
+            "a camera above and one below the table explain the silhouettes; if the mesh is "
+            "mirrored, it is the other one"
+        )
+    elif abs(elevation) < LEVEL and mirror == "table":
         said.append(
             f"the camera looks almost level ({elevation:.2g} degrees), where a mirrored object "
             "that turns the other way looks the same; the direction may be wrong"
         )
-    if rms > SUSPECT * turn.size / 256:
-        worst = sorted(range(len(views)), key=lambda i: -view_rms[i])[:3]
-        listed = ", ".join(f"{views[i]!r} ({view_rms[i]:.2g})" for i in worst)
-        said.append(
-            f"the outlines miss each other by {rms:.2g} pixels; the views that miss most are "
-            f"{listed}: look at their silhouettes, and at the order of the views"
-        )
     return said
+
+
+def _warn_of_misses(
+    turn: Turntable, rms: float, view_rms: np.ndarray, views: Sequence[str]
+) -> list[str]:
+    if rms <= SUSPECT * turn.size / 256:
+        return []
+    worst = sorted(range(len(views)), key=lambda i: -view_rms[i])[:LISTED]
+    listed = ", ".join(f"{views[i]!r} ({view_rms[i]:.2g})" for i in worst)
+    return [
+        f"the outlines miss each other by {rms:.2g} pixels; the views that miss most are "
+        f"{listed}: look at their silhouettes, and at the order of the views"
+    ]
 
 
 def _root_mean_square(values: np.ndarray) -> float:

@@ -32,6 +32,29 @@ class Metric:
     form: str = ".3f"
 
 
+@dataclass(frozen=True)
+class Scene:
+    """The cameras that a run was fitted with.
+
+    Attributes:
+        name: of the scene, which runs may share
+        told: its ``scene.json``
+        picture: of the cameras, PNG
+    """
+
+    name: str
+    told: Mapping[str, Any]
+    picture: Path
+
+
+PARAMETERS = {  # of a calibration: what they are called, their unit, and what they mean
+    "elevation": ("Elevation", "°", "of the camera above the table"),
+    "roll": ("Lean", "°", "of the axis in the image, clockwise"),
+    "axis": ("Axis", " px", "column of the working image at which it passes the object's middle"),
+    "half_angle": ("Half angle", "°", "of view over half of the image's side"),
+    "step": ("Step", "°", "from view to view, negative the other way round"),
+}
+
 METRICS = (
     Metric(
         "iou_mean",
@@ -127,6 +150,7 @@ def write_page(
     metrics: Mapping[Run, Mapping[str, Any]],
     figures: Mapping[str, Path],
     pictures: Mapping[Run, Path],
+    scenes: Mapping[Run, Scene],
     settings: Mapping[str, Any],
 ) -> str:
     """Write the page.
@@ -135,6 +159,7 @@ def write_page(
         metrics: each run's ``metrics.json``
         figures: each object's loss figure, SVG
         pictures: each run's picture, PNG
+        scenes: each run's cameras
         settings: ``configuration``: the whole of it, defaults filled in; ``objects``: what the
             rows of the objects say, for example where their silhouettes come from
     Returns:
@@ -153,7 +178,7 @@ def write_page(
     known = [metric for metric in METRICS if any(metric.key in v for v in metrics.values())]
     return page.render(
         objects=[
-            _describe_object(object_, variants, metrics, figures, pictures, settings)
+            _describe_object(object_, variants, metrics, figures, pictures, scenes, settings)
             for object_, variants in objects_of(metrics).items()
         ],
         count=len(metrics),
@@ -171,6 +196,7 @@ def _describe_object(
     metrics: Mapping[Run, Mapping[str, Any]],
     figures: Mapping[str, Path],
     pictures: Mapping[Run, Path],
+    scenes: Mapping[Run, Scene],
     settings: Mapping[str, Any],
 ) -> dict[str, Any]:
     """All that the template shows of an object."""
@@ -191,9 +217,49 @@ def _describe_object(
         "name": object_,
         "runs": runs,
         "rows": rows,
+        "scenes": _describe_scenes({v: scenes[object_, v] for v in variants}),
         "figure": _embed("image/svg+xml", figures[object_].read_bytes()),
         "figure_says": f"Loss of {object_} against the iteration: {', '.join(ends)}.",
     }
+
+
+def _describe_scenes(scenes: Mapping[str, Scene]) -> list[dict[str, Any]]:
+    """What the template shows of the cameras of an object's variants, each scene once."""
+    variants: dict[str, list[str]] = {}
+    for variant, scene in scenes.items():
+        variants.setdefault(scene.name, []).append(variant)
+    return [
+        {
+            "variants": names,
+            "source": scene.told["cameras"],
+            "count": len(scene.told["hull_iou"]),
+            "coherence": f"{scene.told['hull_iou_mean']:.3f}",
+            "dropped": scene.told["dropped"],
+            "warnings": scene.told["warnings"],
+            "estimates": _show_estimates(scene.told["figures"].get("estimates", {})),
+            "picture": _embed_png(scene.picture.read_bytes()),
+        }
+        for names in variants.values()
+        for scene in [scenes[names[0]]]
+    ]
+
+
+def _show_estimates(estimates: Mapping[str, Mapping[str, Any]]) -> list[dict[str, str]]:
+    """A calibration's parameters as text: name, meaning, value with its deviation, status."""
+    rows = []
+    for name, (label, unit, meaning) in PARAMETERS.items():
+        if name in estimates:
+            e = estimates[name]
+            number = f"{e['value']:.2f}" + (f" ± {e['sd']:.2g}" if e["sd"] else "")
+            rows.append(
+                {
+                    "label": label,
+                    "meaning": meaning,
+                    "value": number + unit,
+                    "status": e["status"],
+                }
+            )
+    return rows
 
 
 def show(value: Any, metric: Metric) -> str:

@@ -238,7 +238,7 @@ def draw_view(
     hits = trace(mesh, above)
     edged = shade(mesh, above, hits, smooth=False)
     draw_edges(edged, mesh, above, hits, width=0.5 * FINE)
-    drawn = (_to_image(cell) for cell in (shaded, coloured, edged))
+    drawn = (to_image(cell) for cell in (shaded, coloured, edged))
     return [_shrink(cell) for cell in (photo, outlined, *drawn)]
 
 
@@ -248,7 +248,8 @@ def _read_on_ground(path: Path) -> Image.Image:
     return Image.alpha_composite(Image.new("RGBA", image.size, GROUND), image).convert("RGB")
 
 
-def _to_image(image: np.ndarray) -> Image.Image:
+def to_image(image: np.ndarray) -> Image.Image:
+    """An array [height, width, 3] in [0, 1] as an image."""
     return Image.fromarray((255 * image).round().astype(np.uint8))
 
 
@@ -256,7 +257,7 @@ def _shrink(image: Image.Image) -> Image.Image:
     return image.resize((CELL, CELL), Image.Resampling.BOX)
 
 
-def _font(size: int) -> ImageFont.FreeTypeFont:
+def font(size: int) -> ImageFont.FreeTypeFont:
     """The face that matplotlib brings along: it has most of the world's letters."""
     return ImageFont.truetype(Path(mpl.get_data_path()) / "fonts/ttf/DejaVuSans.ttf", size)
 
@@ -266,26 +267,26 @@ def _write_header(sheet: Image.Image) -> None:
     titles = ("photograph", "outlines:", "fitted mesh", "in its colours", "from above, with edges")
     for j, title in enumerate(titles):
         x = SIDE + GAP + j * (CELL + GAP)
-        draw.text((x, HEADER / 2), title, fill=INK, font=_font(13), anchor="lm")
+        draw.text((x, HEADER / 2), title, fill=INK, font=font(13), anchor="lm")
     x = SIDE + GAP + CELL + GAP + 74
     for name, colour in (("silhouette", SILHOUETTE), ("mesh", MESH)):
         draw.line(((x, HEADER / 2), (x + 18, HEADER / 2)), fill=INK, width=5)
         draw.line(((x + 1, HEADER / 2), (x + 17, HEADER / 2)), fill=colour, width=3)
-        draw.text((x + 24, HEADER / 2), name, fill=INK, font=_font(13), anchor="lm")
-        x += 24 + draw.textlength(name, _font(13)) + 14
+        draw.text((x + 24, HEADER / 2), name, fill=INK, font=font(13), anchor="lm")
+        x += 24 + draw.textlength(name, font(13)) + 14
 
 
 def _write_side(sheet: Image.Image, name: str, y: int) -> None:
     """Write a view's name upwards at the left of its row, its middle left out if it is long."""
-    font = _font(12)
+    face = font(12)
     strip = Image.new("RGB", (CELL, SIDE), GROUND)
     draw = ImageDraw.Draw(strip)
     kept = len(name)
     shown = name
-    while draw.textlength(shown, font) > CELL:
+    while draw.textlength(shown, face) > CELL:
         kept -= 1
         shown = name[: kept // 2] + "…" + name[len(name) - (kept + 1) // 2 :]
-    draw.text((CELL / 2, SIDE / 2), shown, fill=INK, font=font, anchor="mm")
+    draw.text((CELL / 2, SIDE / 2), shown, fill=INK, font=face, anchor="mm")
     sheet.paste(strip.rotate(90, expand=True), (GAP // 2, y))
 
 

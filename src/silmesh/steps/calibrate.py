@@ -21,11 +21,12 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--silhouettes", type=Path, required=True, help="folder of the silhouettes")
     args.add_argument("--step", type=float, help="degrees from view to view, if known")
     args.add_argument("--elevation", type=float, help="in degrees, if known")
+    args.add_argument("--distance", type=float, help="in sizes of the object, if known roughly")
     args.add_argument(
         "--above-table",
         action=argparse.BooleanOptionalAction,
         default=True,
-        help="the camera does not look up at the table",
+        help="the camera is taken not to look up at the table unless perspective clearly says so",
     )
     args.add_argument("--threads", type=int, default=torch.get_num_threads())
     args.add_argument("--output", type=Path, required=True, help="folder to make")
@@ -41,6 +42,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         names,
         step=given.step,
         elevation=given.elevation,
+        distance=given.distance,
         above_table=given.above_table,
         aspect=aspect,
     )

@@ -54,7 +54,12 @@ def main(argv: Sequence[str] | None = None) -> None:
         best.similarity,
         best.agreement,
         {VIEWS: given.views, SILHOUETTES: given.silhouettes},
-        {"cameras": best.attempt.source, "dropped": dict(best.attempt.dropped)},
+        {
+            "cameras": best.attempt.source,
+            "dropped": dict(best.attempt.dropped),
+            "warnings": list(best.attempt.warnings),
+            "figures": dict(best.attempt.figures),
+        },
     )
     if best.agreement.mean() < DOUBTFUL:
         print(

@@ -1,0 +1,36 @@
+"""Draw the cameras of a scene around its visual hull."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import torch
+import trimesh
+
+from silmesh.files import replacing
+from silmesh.hull import carve
+from silmesh.report.rings import draw_rings
+from silmesh.scene import SILHOUETTES, read_scene
+from silmesh.silhouettes import read_silhouettes
+from silmesh.steps.command import parser, run
+
+RESOLUTION = 64  # of the hull
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Parse, load, call, save."""
+    args = parser(__doc__)
+    args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
+    args.add_argument("--threads", type=int, default=torch.get_num_threads())
+    args.add_argument("--output", type=Path, required=True, help="PNG to write")
+    given = args.parse_args(argv)
+    torch.set_num_threads(given.threads)
+    cameras, _, scene = read_scene(given.scene)
+    hull = carve(read_silhouettes(given.scene / SILHOUETTES, cameras.views), cameras, RESOLUTION)
+    mesh = trimesh.Trimesh() if hull.empty else trimesh.Trimesh(*hull.surface())
+    picture = draw_rings(cameras, mesh, scene["dropped"])
+    with replacing(given.output) as part:
+        picture.save(part, optimize=True)
+
+
+if __name__ == "__main__":
+    run(main)
