@@ -2,16 +2,19 @@
 
 import errno
 import json
+import shutil
 
 import numpy as np
 import pandas as pd
 import pytest
 import torch
 import trimesh
+from PIL import Image
 from scenes import save, silhouettes, turntable
 
 from silmesh.cameras.attempt import Attempt, read_attempt, write_attempt
 from silmesh.cameras.camera import Similarity, read_cameras, write_cameras
+from silmesh.cameras.lens import Lens
 from silmesh.cameras.turntable import turntable_cameras
 from silmesh.errors import InputError
 from silmesh.files import replacing
@@ -276,6 +279,55 @@ def test_of_two_attempts_the_more_coherent_is_taken(results, tmp_path):
     attempts = [tmp_path / "none", tmp_path / "wrong", results / "cameras"]
     call(scene, **pictures, cameras=attempts, output=tmp_path / "scene")
     assert json.loads((tmp_path / "scene" / "scene.json").read_text())["cameras"] == "file"
+
+
+def test_a_lens_is_taken_away_before_the_cameras_are_judged(results, tmp_path):
+    """Cameras without their lens would be less coherent with what was seen through it."""
+    straight = read_cameras(results / "cameras" / "cameras.json")
+    lens = Lens("SIMPLE_RADIAL", (2.0,))  # at this size it moves pixels by up to 1.5
+    bent = tmp_path / "bent"
+    for folder in ("views", "silhouettes"):
+        shutil.copytree(results / folder, bent / folder)
+        for i, view in enumerate(straight.views):
+            bend(
+                results / folder / f"{view}.png", bent / folder / f"{view}.png", straight.K[i], lens
+            )
+    pictures = {"views": bent / "views", "silhouettes": bent / "silhouettes"}
+    found = {}
+    for name, cameras in (("without", straight), ("with", straight.with_lenses([lens] * COUNT))):
+        write_attempt(tmp_path / name, Attempt("file", cameras))
+        call(scene, **pictures, cameras=tmp_path / name, output=tmp_path / f"{name}_scene")
+        found[name] = json.loads((tmp_path / f"{name}_scene" / "scene.json").read_text())
+    assert (found["without"]["undistorted"], found["with"]["undistorted"]) == (0, COUNT)
+    assert found["with"]["displacement"] > 0.5
+    assert found["with"]["hull_iou_mean"] > found["without"]["hull_iou_mean"]
+    kept = read_cameras(tmp_path / "with_scene" / "cameras.json")
+    assert kept.lenses == (None,) * COUNT
+    seen = read_silhouettes(tmp_path / "with_scene" / "silhouettes", kept.views)
+    expected = read_silhouettes(results / "silhouettes", kept.views)
+    assert (seen & expected).sum() / (seen | expected).sum() > 0.96
+    assert not list((tmp_path / "with_scene").rglob(".part-*"))
+
+
+def bend(old, new, K, lens):
+    """What the pinhole's picture is behind a lens: each pixel from where it looks."""
+    K = K.numpy()
+    pixels = np.stack(np.meshgrid(np.arange(SIZE), np.arange(SIZE)), axis=-1) + 0.5
+    at = lens.undistort((pixels - K[:2, 2]) / K[[0, 1], [0, 1]]) * K[[0, 1], [0, 1]] + K[:2, 2]
+    at = at.astype(int).clip(0, SIZE - 1)
+    save(new, np.asarray(Image.open(old))[at[..., 1], at[..., 0]])
+
+
+def test_a_file_that_lacks_views_says_so(results, tmp_path, capsys):
+    given = read_cameras(results / "cameras" / "cameras.json")
+    write_cameras(tmp_path / "c.json", given.select(range(5)))
+    call(cameras_step, views=results / "views", file=tmp_path / "c.json", output=tmp_path / "c")
+    attempt = read_attempt(tmp_path / "c")
+    assert attempt.cameras.views == given.views[:5]
+    assert set(attempt.dropped) == {"v5", "v6", "v7"}
+    said = capsys.readouterr().err
+    assert said == f"silmesh: {attempt.warnings[0]}\n"
+    assert "c.json: 3 of 8 photographs have no camera" in said
 
 
 def test_a_refusal_is_told_when_there_is_no_other_attempt(results, tmp_path):

@@ -14,6 +14,7 @@ COLMAP's camera models, which are OpenCV's; with r^2 = x^2 + y^2, or theta^2 in 
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -85,24 +86,30 @@ class Lens:
     def undistort(self, points: np.ndarray) -> np.ndarray:
         """The inverse of ``distort`` by Newton's method; NaN for what the lens does not show."""
         goal = np.asarray(points, np.float64)
-        found = goal.copy()
+        found = self._guess(goal)
         for _ in range(STEPS):
-            found = np.where(np.isfinite(found), found, 0.0)
             miss = self._move(found) - goal
             if np.abs(miss).max(initial=0) < CLOSE:
                 break
             found = found - _solve(self._slopes(found), miss)
+            found = np.nan_to_num(found).clip(-WIDEST, WIDEST)
         lost = np.linalg.norm(self._move(found) - goal, axis=-1) > 1e3 * CLOSE
         found[lost | (np.linalg.norm(found, axis=-1) >= self.reach)] = np.nan
         return found
 
-    @property
+    @cached_property
     def reach(self) -> float:
         """The normalised radius at which the model turns back; infinite if it never does."""
-        radius = np.linspace(0, WIDEST, SAMPLES) ** 2 / WIDEST  # denser near the axis
-        moved = [self._move(np.outer(radius, d)) @ d for d in _DIRECTIONS]
+        moved = [self._move(np.outer(_RADII, d)) @ d for d in _DIRECTIONS]
         back = (np.diff(moved, axis=1) <= 0).any(axis=0)
-        return float(radius[np.argmax(back)]) if back.any() else np.inf
+        return float(_RADII[np.argmax(back)]) if back.any() else np.inf
+
+    def _guess(self, goal: np.ndarray) -> np.ndarray:
+        """About where ``undistort`` leads: by the radius along x alone."""
+        radii = _RADII[: np.searchsorted(_RADII, self.reach, side="right")]
+        moved = (self._move(np.outer(radii, _DIRECTIONS[0])) @ _DIRECTIONS[0]).clip(min=0)
+        r = np.linalg.norm(goal, axis=-1, keepdims=True)
+        return goal * np.interp(r, np.maximum.accumulate(moved), radii) / np.maximum(r, 1e-12)
 
     def _slopes(self, points: np.ndarray) -> np.ndarray:
         """Derivatives of ``_move`` by differences: [..., 2, 2], rows are what is moved."""
@@ -134,6 +141,7 @@ class Lens:
         return points * radial + p * (r2 + 2 * points**2) + 2 * p[::-1] * xy + s * r2
 
 
+_RADII = np.linspace(0, WIDEST, SAMPLES) ** 2 / WIDEST  # denser near the axis
 _DIRECTIONS = np.stack([np.cos(a := np.arange(8) * np.pi / 4), np.sin(a)], axis=1)
 
 

@@ -59,8 +59,9 @@ def _parse(frame: Mapping[str, Any], where: str, views: Sequence[View]) -> Camer
             raise InputError(f"{where}: {key!r} is missing")
     name = str(frame["file_path"])
     where = f"{where} ({name})"
-    pose = np.array(frame["transform_matrix"][:3], dtype=object)
-    pose = numbers(pose.tolist(), (3, 4), f"{where}: transform_matrix")
+    pose = frame["transform_matrix"]
+    pose = pose[:3] if isinstance(pose, list) else pose
+    pose = numbers(pose, (3, 4), f"{where}: transform_matrix")
     R = FLIP @ nearest_rotation(pose[:, :3], where).T
     size = tuple(int(_number(frame, key, where, 0)) for key in ("w", "h"))
     own = next((v for v in views if v.view == PureWindowsPath(name).stem), views[0])
