@@ -46,15 +46,11 @@ def match(path: Path, cameras: Cameras, views: Sequence[View], rules: Rules) -> 
     views = [views[i] for i in kept]
     cameras = cameras.select([places[i] for i in kept])
     _refuse_off_centre(path, cameras, views)
-    maps, scaled = [], {}
-    for size, view in zip(map(tuple, cameras.sizes.tolist()), views, strict=True):
-        maps.append(_map_to_working(path, size, view, rules.working))
-        if not _is_own(size, view, rules.working):
-            scaled[size] = (view.width, view.height)
-    warnings += [
-        f"{path}: its cameras for {was[0]}x{was[1]} pixels are scaled to the photographs' "
-        f"{now[0]}x{now[1]}"
-        for was, now in scaled.items()
+    sizes = [tuple(size) for size in cameras.sizes.tolist()]
+    warnings += _tell_scaled(path, sizes, views, rules.working)
+    maps = [
+        _map_to_working(path, size, view, rules.working)
+        for size, view in zip(sizes, views, strict=True)
     ]
     working = torch.tensor([[view.size, view.size] for view in views])
     cameras = cameras.in_pixels_of(torch.tensor(np.stack(maps)), working)
@@ -113,6 +109,21 @@ def _tell_dropped(path: Path, dropped: dict[str, str], count: int) -> list[str]:
     return [
         f"{path}: {len(dropped)} of {count} photographs have no camera and are left out: "
         f"{_some(list(dropped))}"
+    ]
+
+
+def _tell_scaled(
+    path: Path, sizes: Sequence[tuple[int, int]], views: Sequence[View], working: bool
+) -> list[str]:
+    scaled = {
+        size: view
+        for size, view in zip(sizes, views, strict=True)
+        if not _is_own(size, view, working)
+    }
+    return [
+        f"{path}: its cameras for {width}x{height} pixels are scaled to the photographs' "
+        f"{view.width}x{view.height}"
+        for (width, height), view in scaled.items()
     ]
 
 
