@@ -200,7 +200,7 @@ def test_a_wrong_name(table, name):
         ({"images": "~nobody-of-this-name/photos"}, "~nobody-of-this-name/photos: is not there"),
         ({"images": "newline"}, "newline/\\nb.png': a path with '\\n' cannot be used; rename it"),
         ({"masks": "photos"}, "photos/cup_r0.png: is a photograph and its own mask"),
-        ({"cameras": "file:photos"}, "photos: is not there"),
+        ({"cameras": "file:photos"}, "photos: holds no cameras; known are a COLMAP model"),
         ({"turntable": "600,10,5"}, "a distance of 600 is too far; its unit is the object's size"),
         ({"images": "**/cup_r0.png"}, "cup_r0.png: has the same name, 'cup_r0', as "),
         ({"images": "a {cup}"}, "a {cup}: a path with '{' or '}' cannot be used"),

@@ -15,6 +15,7 @@ from silmesh.scene import (
     refuse_camera_inside,
     write_scene,
 )
+from silmesh.straighten import straighten
 
 SIZE = 64
 
@@ -91,7 +92,9 @@ def test_a_scene_is_read_as_it_was_written(tmp_path):
         save(tmp_path / f"{view}.png", np.zeros((4, 4), np.uint8))
     pictures = {VIEWS: tmp_path, SILHOUETTES: tmp_path}
     agreement = np.array([0.5, 0.75, 1.0])
-    write_scene(tmp_path / "scene", cameras, similarity, agreement, pictures, {"cameras": "file"})
+    straight = straighten(cameras, np.ones((3, 4, 4), bool))
+    told = {"cameras": "file"}
+    write_scene(tmp_path / "scene", cameras, similarity, agreement, pictures, told, straight)
     read, transform, scene = read_scene(tmp_path / "scene")
     torch.testing.assert_close(read.t, cameras.t)
     assert (transform.centre.tolist(), transform.scale) == ([1, 2, 3], 0.25)

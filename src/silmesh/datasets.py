@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
 
+from silmesh.cameras.locate import locate
 from silmesh.config import NAME, SilhouetteSource
 from silmesh.errors import InputError, blaming
 from silmesh.synthetic import layout
@@ -213,7 +214,10 @@ def _parse_silhouettes(cell: str) -> str:
 
 
 def resolve_cameras(table: Path, cell: str) -> str:
-    """Check where cameras come from, and make the path of ``file:<path>`` one from here."""
+    """Check where cameras come from, and make the path of ``file:<path>`` one from here.
+
+    A folder becomes the file in it that is read, or the folder of a model or of matrices.
+    """
     if cell in ("turntable", "calibrate"):
         return cell
     kind, _, name = cell.partition(":")
@@ -221,10 +225,8 @@ def resolve_cameras(table: Path, cell: str) -> str:
         raise InputError(
             f"cameras: should be 'turntable', 'calibrate' or 'file:<path>', not {cell!r}"
         )
-    path = _beside(table, name.strip())
-    if not path.is_file():
-        raise InputError(f"cameras: {path}: is not there")
-    return f"file:{path}"
+    with blaming("cameras"):
+        return f"file:{locate(_beside(table, name.strip())).path}"
 
 
 def _parse_turntable(cell: str) -> Turntable:

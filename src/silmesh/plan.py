@@ -19,6 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from silmesh.cameras.locate import locate
 from silmesh.config import Config, Fit, Init, Variant, Views, parse_config
 from silmesh.datasets import Dataset, Turntable, read_datasets, resolve_cameras
 from silmesh.errors import InputError
@@ -74,9 +75,14 @@ class Run:
 
     @property
     def camera_file(self) -> Path | None:
-        """The file that the cameras are read from, if they are."""
+        """The file or folder that the cameras are read from, if they are."""
         kind, _, path = self.cameras.partition(":")
         return Path(path) if kind == "file" else None
+
+    @property
+    def camera_files(self) -> tuple[Path, ...]:
+        """What is read of it."""
+        return locate(self.camera_file).files if self.camera_file else ()
 
     @property
     def turntable(self) -> Turntable | None:

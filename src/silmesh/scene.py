@@ -2,11 +2,11 @@
 
 A scene's folder holds ``cameras.json`` (normalised), ``scene.json`` (the transform, how well
 silhouettes and cameras agree, where the cameras come from), and the working images and silhouettes
-of just the views that have a camera, in ``views/`` and ``silhouettes/``.
+of just the views that have a camera, in ``views/`` and ``silhouettes/``, undistorted where their
+lenses matter.
 """
 
 import json
-import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from silmesh.cameras.camera import (
 )
 from silmesh.errors import InputError
 from silmesh.files import replacing
+from silmesh.straighten import Straightened
 
 VIEWS, SILHOUETTES = "views", "silhouettes"  # folders of a scene
 
@@ -92,6 +93,7 @@ def write_scene(
     coherence: np.ndarray,
     pictures: Mapping[str, Path],
     told: Mapping[str, Any],
+    straightened: Straightened | None = None,
 ) -> None:
     """Write a scene.
 
@@ -101,21 +103,26 @@ def write_scene(
         coherence: [views]
         pictures: the folders of the working images, ``views``, and of the ``silhouettes``
         told: what else ``scene.json`` says
+        straightened: how the pictures become those of the cameras, if any had a lens
     """
+    straightened = straightened or Straightened(cameras, {}, 0.0)
     scene = {
         **told,
         "centre": similarity.centre.tolist(),
         "scale": similarity.scale,
+        "undistorted": len(straightened.sources),
+        "displacement": straightened.displacement,
         "hull_iou_mean": float(coherence.mean()),
         "hull_iou": dict(zip(cameras.views, coherence.tolist(), strict=True)),
     }
     with replacing(folder) as part:
         part.mkdir()
         write_cameras(part / "cameras.json", cameras)
+        write = {VIEWS: straightened.write_image, SILHOUETTES: straightened.write_silhouette}
         for name, source in pictures.items():
             (part / name).mkdir()
             for view in cameras.views:
-                shutil.copyfile(source / f"{view}.png", part / name / f"{view}.png")
+                write[name](view, source / f"{view}.png", part / name / f"{view}.png")
         (part / "scene.json").write_text(json.dumps(scene, indent=1) + "\n")
 
 

@@ -6,6 +6,7 @@ import torch
 from scenes import dome, turntable
 
 from silmesh.cameras.camera import Cameras, Similarity, read_cameras, write_cameras
+from silmesh.cameras.lens import Lens
 from silmesh.errors import InputError
 
 
@@ -86,6 +87,17 @@ def test_select_keeps_the_order_asked_for():
     torch.testing.assert_close(some.centres, cameras.centres[[3, 1]])
 
 
+def test_a_lens_stays_with_its_camera():
+    """It bends normalised coordinates, whatever becomes of pixels and world."""
+    lenses = [None, Lens("RADIAL", (0.1, 0.2)), Lens("FISHEYE", ())]
+    cameras = dome(3, 32).with_lenses(lenses)
+    moved = cameras.select([2, 0, 1]).in_pixels_of(torch.eye(3).expand(3, 3, 3), cameras.sizes)
+    moved = moved.in_world_of(Similarity(torch.ones(3), 2.0)).named(["a", "b", "c"])
+    assert moved.lenses == (lenses[2], None, lenses[1])
+    assert moved.views == ("a", "b", "c")
+    assert dome(3, 32).lenses == (None, None, None)
+
+
 def test_cameras_json_round_trip(tmp_path):
     cameras = dome(4, 48)
     write_cameras(tmp_path / "cameras.json", cameras)
@@ -158,3 +170,20 @@ def test_a_wrong_file_is_named(tmp_path, text, message):
     with pytest.raises(InputError, match=message) as error:
         read_cameras(path)
     assert str(path) in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("lens", "message"),
+    [
+        ([0.1], "lens should be {model, parameters}"),
+        ({"model": "RADIAL"}, "lens should be {model, parameters}"),
+        ({"model": "RADIAL", "parameters": [0.1]}, "takes 2 finite parameters beyond K"),
+        ({"model": "RADIAL", "parameters": "x"}, "lens: parameters should be numbers"),
+        ({"model": "X", "parameters": []}, "camera model 'X' cannot be read"),
+    ],
+)
+def test_a_wrong_lens_is_named(tmp_path, lens, message):
+    (tmp_path / "cameras.json").write_text(json.dumps([ROW | {"lens": lens}]))
+    with pytest.raises(InputError, match=message) as error:
+        read_cameras(tmp_path / "cameras.json")
+    assert "cameras.json: camera 0 (a): " in str(error.value)

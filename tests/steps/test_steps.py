@@ -2,16 +2,19 @@
 
 import errno
 import json
+import shutil
 
 import numpy as np
 import pandas as pd
 import pytest
 import torch
 import trimesh
+from PIL import Image
 from scenes import save, silhouettes, turntable
 
 from silmesh.cameras.attempt import Attempt, read_attempt, write_attempt
 from silmesh.cameras.camera import Similarity, read_cameras, write_cameras
+from silmesh.cameras.lens import Lens
 from silmesh.cameras.turntable import turntable_cameras
 from silmesh.errors import InputError
 from silmesh.files import replacing
@@ -276,6 +279,53 @@ def test_of_two_attempts_the_more_coherent_is_taken(results, tmp_path):
     attempts = [tmp_path / "none", tmp_path / "wrong", results / "cameras"]
     call(scene, **pictures, cameras=attempts, output=tmp_path / "scene")
     assert json.loads((tmp_path / "scene" / "scene.json").read_text())["cameras"] == "file"
+
+
+def test_a_lens_is_taken_away_in_the_scene(results, tmp_path):
+    straight = read_cameras(results / "cameras" / "cameras.json")
+    lens = Lens("OPENCV", (0, 0, 0.3, -0.25))
+    pictures = {name: tmp_path / name for name in ("views", "silhouettes")}
+    for name, folder in pictures.items():
+        shutil.copytree(results / name, folder)
+        for view, K in zip(straight.views, straight.K, strict=True):
+            bend(results / name / f"{view}.png", folder / f"{view}.png", K, lens)
+    write_attempt(tmp_path / "cameras", Attempt("file", straight.with_lenses([lens] * COUNT)))
+    call(scene, **pictures, cameras=tmp_path / "cameras", output=tmp_path / "scene")
+    told = json.loads((tmp_path / "scene" / "scene.json").read_text())
+    assert told["undistorted"] == COUNT
+    assert told["displacement"] > 2
+    kept = read_cameras(tmp_path / "scene" / "cameras.json")
+    assert kept.lenses == (None,) * COUNT
+    expected = read_silhouettes(results / "silhouettes", kept.views)
+    agreement = []
+    for folder in (tmp_path / "silhouettes", tmp_path / "scene" / "silhouettes"):
+        seen = read_silhouettes(folder, kept.views)
+        agreement.append((seen & expected).sum() / (seen | expected).sum())
+    assert agreement[0] < 0.93
+    assert agreement[1] > 0.94
+    shown = np.asarray(Image.open(tmp_path / "scene" / "views" / "v1.png").convert("L")) > 100
+    assert (shown & seen[1]).sum() / (shown | seen[1]).sum() > 0.95
+
+
+def bend(old, new, K, lens):
+    """What the pinhole's picture is behind a lens: each pixel from where it looks."""
+    K = K.numpy()
+    pixels = np.stack(np.meshgrid(np.arange(SIZE), np.arange(SIZE)), axis=-1) + 0.5
+    at = lens.undistort((pixels - K[:2, 2]) / K[[0, 1], [0, 1]]) * K[[0, 1], [0, 1]] + K[:2, 2]
+    at = at.astype(int).clip(0, SIZE - 1)
+    save(new, np.asarray(Image.open(old))[at[..., 1], at[..., 0]])
+
+
+def test_a_file_that_lacks_views_says_so(results, tmp_path, capsys):
+    given = read_cameras(results / "cameras" / "cameras.json")
+    write_cameras(tmp_path / "c.json", given.select(range(5)))
+    call(cameras_step, views=results / "views", file=tmp_path / "c.json", output=tmp_path / "c")
+    attempt = read_attempt(tmp_path / "c")
+    assert attempt.cameras.views == given.views[:5]
+    assert set(attempt.dropped) == {"v5", "v6", "v7"}
+    said = capsys.readouterr().err
+    assert said == f"silmesh: {attempt.warnings[0]}\n"
+    assert "c.json: 3 of 8 photographs have no camera" in said
 
 
 def test_a_refusal_is_told_when_there_is_no_other_attempt(results, tmp_path):

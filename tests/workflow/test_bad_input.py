@@ -182,3 +182,27 @@ def test_cameras_of_ones_own(project):
     project.run("results/cup/round/metrics.json", "--until", "scene")
     scenes = sorted(path.name[:20] for path in (project / "results/cup/stages/scenes").iterdir())
     assert scenes == ["32-pad-mask-file_" + scenes[0][17:], "32-pad-mask-turntabl"]
+
+
+def test_a_folder_of_cameras(project):
+    """Matrices in text files beside the table: found, and each one's change is seen."""
+    made = json.loads(
+        (project / "results/cup/stages/cameras/32-pad-turntable/cameras.json").read_text()
+    )
+    folder = project / "config/my matrices"
+    folder.mkdir()
+    to_working = np.array([[32 / 40, 0, 0], [0, 26 / 32, 3], [0, 0, 1]])  # 40x32 becomes 32x26
+    for row in made:
+        P = np.linalg.inv(to_working) @ row["K"] @ np.c_[row["R"], row["t"]]
+        np.savetxt(folder / f"{row['view']}.txt", P)
+    project.edit("config/datasets.tsv", "turntable\t2.7", "file:my matrices\t2.7")
+    project.run("--until", "scene")
+    (found,) = (project / "results/cup/stages/scenes").glob("*file_*/scene.json")
+    old = project / "results/cup/stages/scenes/32-pad-mask-turntable/scene.json"
+    agreement = [json.loads(file.read_text())["hull_iou_mean"] for file in (old, found)]
+    assert agreement[0] == pytest.approx(agreement[1], abs=0.02)
+    assert not any(job.startswith("cameras") for job in project.outdated())
+    (folder / "cup_r90.txt").write_text("1 2 3")
+    assert any(job.startswith("cameras") for job in project.outdated())
+    said = message(refusal(project))
+    assert "cup_r90.txt: should hold the 12 numbers of a 3x4 matrix, not 3" in said

@@ -1,4 +1,4 @@
-# requires  the pixel maps of the working images, and a camera file where there is one
+# requires  the pixel maps of the working images, and camera files where there are any
 # makes     cameras of the working images, in the world that they come in
 # runs      silmesh.steps.cameras
 
@@ -6,7 +6,7 @@
 rule cameras:
     input:
         views="results/{object}/stages/views/{views}",
-        file=lambda w: with_cameras(w).camera_file or [],
+        files=lambda w: with_cameras(w).camera_files,
     output:
         directory("results/{object}/stages/cameras/{views}-{cameras}"),
     log:

@@ -11,6 +11,9 @@ World    right-handed, y up. The first mesh and the fit live in a world that is 
                 /                       v
                z                        (height)
 
+Lens     a camera may have one (``silmesh.cameras.lens``) until its images are undistorted for the
+         scene; what projects, projects as the pinhole, and the scene's cameras are just that.
+
 SoftRas's ``look_at`` is left-handed: its world is the mirror image (z negated) of this one. The
 conversion is in ``silmesh.cameras.turntable`` and nowhere else.
 """
@@ -18,13 +21,14 @@ conversion is in ``silmesh.cameras.turntable`` and nowhere else.
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import torch
 from torch import Tensor
 
-from silmesh.errors import InputError
+from silmesh.cameras.lens import Lens, lens_of
+from silmesh.errors import InputError, blaming
 from silmesh.files import replacing
 
 ROUNDING = 1e-4  # that is let pass in a rotation matrix: four decimals
@@ -41,6 +45,7 @@ class Cameras:
         K: [views, 3, 3] float64, intrinsics in pixels
         R: [views, 3, 3] float64, rotation from world to camera
         t: [views, 3] float64, translation from world to camera
+        lenses: of each view what its photograph departs from the pinhole by, or None
     """
 
     views: tuple[str, ...]
@@ -48,6 +53,10 @@ class Cameras:
     K: Tensor
     R: Tensor
     t: Tensor
+    lenses: tuple[Lens | None, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "lenses", self.lenses or (None,) * len(self.views))
 
     def __len__(self) -> int:
         return len(self.views)
@@ -92,7 +101,16 @@ class Cameras:
             self.K[index],
             self.R[index],
             self.t[index],
+            tuple(self.lenses[i] for i in index),
         )
+
+    def with_lenses(self, lenses: Sequence[Lens | None]) -> "Cameras":
+        """The same cameras behind lenses, one for each view."""
+        return replace(self, lenses=tuple(lenses))
+
+    def named(self, views: Sequence[str]) -> "Cameras":
+        """The same cameras under other names."""
+        return replace(self, views=tuple(views))
 
     def in_pixels_of(self, maps: Tensor, sizes: Tensor) -> "Cameras":
         """The same cameras for images that were scaled and shifted.
@@ -136,7 +154,10 @@ class Similarity:
 
 
 def write_cameras(path: Path | str, cameras: Cameras) -> None:
-    """Write ``cameras.json``: a list of ``{view, width, height, K, R, t}``."""
+    """Write ``cameras.json``: a list of ``{view, width, height, K, R, t}``.
+
+    A camera that has a lens also has ``lens``: ``{model, parameters}``.
+    """
     rows = [
         {
             "view": view,
@@ -146,6 +167,7 @@ def write_cameras(path: Path | str, cameras: Cameras) -> None:
             "R": cameras.R[i].tolist(),
             "t": cameras.t[i].tolist(),
         }
+        | ({"lens": asdict(lens)} if (lens := cameras.lenses[i]) else {})
         for i, view in enumerate(cameras.views)
     ]
     with replacing(path) as part:
@@ -171,12 +193,12 @@ def read_cameras(path: Path | str) -> Cameras:
     views = [view for view, *_ in cameras]
     if twice := sorted({view for view in views if views.count(view) > 1}):
         raise InputError(f"{path}: view {twice[0]!r} comes twice; each view has one camera")
-    sizes, K, R, t = (torch.stack(part) for part in list(zip(*cameras, strict=True))[1:])
-    return Cameras(tuple(views), sizes, K, R, t)
+    *numbers, lenses = list(zip(*cameras, strict=True))[1:]
+    return Cameras(tuple(views), *map(torch.stack, numbers), lenses)
 
 
-def _parse_row(row: object, where: str) -> tuple[str, Tensor, Tensor, Tensor, Tensor]:
-    """One camera of ``cameras.json``, checked: view, size, K, R, t."""
+def _parse_row(row: object, where: str) -> tuple[str, Tensor, Tensor, Tensor, Tensor, Lens | None]:
+    """One camera of ``cameras.json``, checked: view, size, K, R, t, lens."""
     if not isinstance(row, dict):
         raise InputError(f"{where}: should be an object with view, width, height, K, R and t")
     for key in ("view", "width", "height", "K", "R", "t"):
@@ -201,7 +223,18 @@ def _parse_row(row: object, where: str) -> tuple[str, Tensor, Tensor, Tensor, Te
             f"{where}: K should be [[fx, s, cx], [0, fy, cy], [0, 0, 1]], fx, fy > 0, "
             f"not {K.tolist()}"
         )
-    return str(row["view"]), size.long(), K, R, t
+    return str(row["view"]), size.long(), K, R, t, _parse_lens(row.get("lens"), where)
+
+
+def _parse_lens(value: object, where: str) -> Lens | None:
+    if value is None:
+        return None
+    if not isinstance(value, dict) or set(value) != {"model", "parameters"}:
+        raise InputError(f"{where}: lens should be {{model, parameters}}, not {value!r}")
+    count = len(value["parameters"]) if isinstance(value["parameters"], list) else 0
+    given = _parse_array(value["parameters"], (count,), f"{where}: lens: parameters")
+    with blaming(where):
+        return lens_of(str(value["model"]), given.tolist())
 
 
 def _parse_array(value: object, shape: tuple[int, ...], where: str) -> Tensor:

@@ -1,10 +1,11 @@
 """Make or read the cameras of the working images, in the world that they come in."""
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from silmesh.cameras.attempt import Attempt, write_attempt
-from silmesh.cameras.formats import cameras_from_file
+from silmesh.cameras.formats import attempt_from_file
 from silmesh.cameras.turntable import turntable_cameras
 from silmesh.errors import blaming
 from silmesh.steps.command import parser, run
@@ -23,18 +24,21 @@ def main(argv: Sequence[str] | None = None) -> None:
         metavar=("DISTANCE", "ELEVATION", "STEP"),
         help="in scene units and degrees",
     )
-    source.add_argument("--file", type=Path, help="camera.npy or cameras.json")
+    source.add_argument("--file", type=Path, help="a file or a folder of cameras")
     args.add_argument("--output", type=Path, required=True, help="folder to make")
     given = args.parse_args(argv)
     views = read_views(given.views)
     if given.file:
-        cameras = cameras_from_file(given.file, views)
+        attempt = attempt_from_file(given.file, views)
     else:
         names = [view.view for view in views]
         numbers = ",".join(f"{number:g}" for number in given.turntable)
         with blaming(f"turntable {numbers} of {given.views}"):
             cameras = turntable_cameras(names, views[0].size, *given.turntable)
-    write_attempt(given.output, Attempt("file" if given.file else "turntable", cameras))
+        attempt = Attempt("turntable", cameras)
+    for warning in attempt.warnings:
+        print(f"silmesh: {warning}", file=sys.stderr)
+    write_attempt(given.output, attempt)
 
 
 if __name__ == "__main__":

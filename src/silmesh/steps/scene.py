@@ -1,4 +1,4 @@
-"""Bring silhouettes and cameras together: take the most coherent cameras, normalise the world."""
+"""Silhouettes and cameras: undistort, take the most coherent cameras, normalise the world."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,6 +15,7 @@ from silmesh.hull import carve
 from silmesh.scene import SILHOUETTES, VIEWS, normalising, refuse_camera_inside, write_scene
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import parser, run
+from silmesh.straighten import Straightened, straighten
 
 DOUBTFUL = 0.5  # below this hull IoU a person is told before the fit, not only on the page
 
@@ -23,6 +24,7 @@ class Candidate(NamedTuple):
     """An attempt's cameras in the normalised world, and how coherent they are."""
 
     attempt: Attempt
+    straightened: Straightened
     cameras: Cameras
     similarity: Similarity
     agreement: np.ndarray
@@ -60,6 +62,7 @@ def main(argv: Sequence[str] | None = None) -> None:
             "warnings": list(best.attempt.warnings),
             "figures": dict(best.attempt.figures),
         },
+        best.straightened,
     )
     if best.agreement.mean() < DOUBTFUL:
         print(
@@ -70,13 +73,15 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def _normalise(folder: Path, attempt: Attempt, silhouettes: Path, keep_world: bool) -> Candidate:
-    cameras = attempt.cameras
-    seen = read_silhouettes(silhouettes, cameras.views)
+    seen = read_silhouettes(silhouettes, attempt.cameras.views)
     with blaming(folder):
+        straightened = straighten(attempt.cameras, seen)
+        cameras, seen = straightened.cameras, straightened.silhouettes(seen)
         similarity = Similarity.identity() if keep_world else normalising(cameras, seen)
         cameras = cameras.in_world_of(similarity)
         refuse_camera_inside(cameras)
-    return Candidate(attempt, cameras, similarity, coherence(carve(seen, cameras), cameras, seen))
+    agreement = coherence(carve(seen, cameras), cameras, seen)
+    return Candidate(attempt, straightened, cameras, similarity, agreement)
 
 
 if __name__ == "__main__":

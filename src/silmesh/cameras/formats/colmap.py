@@ -1,0 +1,227 @@
+"""COLMAP models, text and binary: ``cameras`` and ``images``; points are left where they are.
+
+Poses are from world to camera as ours, quaternions w first, pixel centres at integer + 0.5. A model
+is read here and not by pycolmap, whose reader wants the points too, which can be gigabytes, and
+whose import before Pillow's lets Pillow crash.
+
+https://colmap.github.io/format.html
+"""
+
+import struct
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from silmesh.cameras.camera import Cameras
+from silmesh.cameras.formats.parts import (
+    Camera,
+    gather,
+    intrinsics,
+    numbers,
+    read_lines,
+    refuse_skew,
+)
+from silmesh.cameras.lens import CURVED, PLAIN, Lens, lens_of
+from silmesh.errors import InputError, blaming
+from silmesh.files import replacing
+
+MODELS = {  # by their number in a binary model
+    0: "SIMPLE_PINHOLE",
+    1: "PINHOLE",
+    2: "SIMPLE_RADIAL",
+    3: "RADIAL",
+    4: "OPENCV",
+    5: "OPENCV_FISHEYE",
+    6: "FULL_OPENCV",
+    7: "FOV",
+    8: "SIMPLE_RADIAL_FISHEYE",
+    9: "RADIAL_FISHEYE",
+    10: "THIN_PRISM_FISHEYE",
+    14: "SIMPLE_FISHEYE",
+    15: "FISHEYE",
+}
+ONE_FOCAL = {  # f, cx, cy; the others have fx, fy, cx, cy
+    *("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"),
+    *("SIMPLE_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE"),
+}
+WIDER = {  # with two focal lengths, as images that were stretched need
+    "SIMPLE_RADIAL": "OPENCV",
+    "RADIAL": "OPENCV",
+    "SIMPLE_FISHEYE": "FISHEYE",
+    "SIMPLE_RADIAL_FISHEYE": "OPENCV_FISHEYE",
+    "RADIAL_FISHEYE": "OPENCV_FISHEYE",
+}
+HEADER = "# {}, written by silmesh; pixel centres lie at integer + 0.5\n"
+Intrinsics = tuple[tuple[int, int], np.ndarray, Lens | None]  # size, K, lens
+
+
+def split(model: str, parameters: Sequence[float], where: str) -> tuple[np.ndarray, Lens | None]:
+    """K and the lens of a camera's model and all its parameters in COLMAP's order.
+
+    Raises:
+        InputError: the model is unknown, or has another number of parameters
+    """
+    count = 3 if model in ONE_FOCAL else 4
+    if len(parameters) < count:
+        raise InputError(f"{where}: {model} has {len(parameters)} parameters, which are too few")
+    cx, cy = parameters[count - 2 : count]
+    with blaming(where):
+        lens = lens_of(model, parameters[count:])
+    return intrinsics((parameters[0], parameters[count - 3]), (cx, cy), where), lens
+
+
+def read(folder: Path) -> Cameras:
+    """Cameras by the names of the model's images; a binary model goes before a text one."""
+    if (folder / "cameras.bin").is_file() and (folder / "images.bin").is_file():
+        cameras = dict(_cameras_binary(folder / "cameras.bin"))
+        images = list(_images_binary(folder / "images.bin"))
+    else:
+        cameras = dict(_cameras_text(folder / "cameras.txt"))
+        images = list(_images_text(folder / "images.txt"))
+    if not images:
+        raise InputError(f"{folder}: the model has no image; no photograph was registered")
+    return gather([_join(folder, cameras, *image) for image in images])
+
+
+def _join(
+    folder: Path, cameras: Mapping[int, Intrinsics], number: int, pose: np.ndarray, name: str
+) -> Camera:
+    where = f"{folder}: image {name}"
+    if number not in cameras:
+        raise InputError(f"{where}: has camera {number}, which the model does not hold")
+    numbers(pose, (7,), f"{where}: its pose")
+    if not np.linalg.norm(pose[:4]) > 0:
+        raise InputError(f"{where}: its quaternion is zero")
+    size, K, lens = cameras[number]
+    R = Rotation.from_quat(pose[:4], scalar_first=True).as_matrix()
+    return Camera(name, size, K, R, pose[4:], lens)
+
+
+def _rows(path: Path) -> list[str]:
+    return [line.strip() for line in read_lines(path) if not line.startswith("#")]
+
+
+def _cameras_text(path: Path) -> Iterator[tuple[int, Intrinsics]]:
+    for row in filter(None, _rows(path)):
+        number, model, *values = row.split()
+        where = f"{path}: camera {number}"
+        values = numbers(values, (len(values),), where).tolist()
+        K, lens = split(model, values[2:], where)
+        yield int(number), ((int(values[0]), int(values[1])), K, lens)
+
+
+def _images_text(path: Path) -> Iterator[tuple[int, np.ndarray, str]]:
+    """Camera, quaternion and translation, name; each second row holds points, or nothing."""
+    rows = _rows(path)
+    while rows and not rows[-1]:
+        rows.pop()
+    for row in rows[::2]:
+        parts = row.split(maxsplit=9)
+        if len(parts) != 10:
+            raise InputError(
+                f"{path}: an image should be IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, with a "
+                f"line of its points or an empty one after it, not {row[:80]!r}"
+            )
+        pose = numbers(parts[1:8], (7,), f"{path}: image {parts[9]}")
+        yield int(parts[8]), pose, parts[9]
+
+
+class _Bytes:
+    """A binary file from its beginning to its end."""
+
+    def __init__(self, path: Path):
+        self.path, self.at = path, 0
+        try:
+            self.data = path.read_bytes()
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+
+    def take(self, layout: str) -> tuple:
+        """The next values by a layout of ``struct``, little-endian."""
+        layout = f"<{layout}"
+        return struct.unpack_from(layout, self.data, self.skip(struct.calcsize(layout)))
+
+    def skip(self, count: int) -> int:
+        """Go this many bytes on; gives where they begin."""
+        start, self.at = self.at, self.at + count
+        if self.at > len(self.data):
+            raise self._truncated(self.at)
+        return start
+
+    def word(self) -> str:
+        """Text up to a zero byte."""
+        end = self.data.find(b"\0", self.at)
+        if end < 0:
+            raise self._truncated(len(self.data) + 1)
+        start, self.at = self.at, end + 1
+        return self.data[start:end].decode("utf-8", errors="replace")
+
+    def _truncated(self, least: int) -> InputError:
+        return InputError(
+            f"{self.path}: is truncated, or no binary COLMAP model: has {len(self.data)} bytes, "
+            f"should have {least} or more"
+        )
+
+
+def _cameras_binary(path: Path) -> Iterator[tuple[int, Intrinsics]]:
+    file = _Bytes(path)
+    for _ in range(*file.take("Q")):
+        number, kind, width, height = file.take("IiQQ")
+        where = f"{path}: camera {number}"
+        if kind not in MODELS:
+            raise InputError(
+                f"{where}: camera model number {kind} cannot be read; known are "
+                f"{', '.join(MODELS.values())}"
+            )
+        model = MODELS[kind]
+        count = len(CURVED.get(model, ())) + (3 if model in ONE_FOCAL else 4)
+        K, lens = split(model, list(file.take(f"{count}d")), where)
+        yield number, ((width, height), K, lens)
+
+
+def _images_binary(path: Path) -> Iterator[tuple[int, np.ndarray, str]]:
+    file = _Bytes(path)
+    for _ in range(*file.take("Q")):
+        _, *pose, number = file.take("I7dI")
+        name = file.word()
+        file.skip(24 * file.take("Q")[0])  # points: x, y, number
+        yield number, np.array(pose), name
+
+
+def write(folder: Path, cameras: Cameras, images: Mapping[str, str]) -> None:
+    """Write a text model of these cameras, each view with a camera of its own, and no points.
+
+    Args:
+        images: by its view the name of an image
+
+    Raises:
+        InputError: a camera has a skew, which COLMAP's models have not
+    """
+    with replacing(folder) as part:
+        part.mkdir()
+        with open(part / "cameras.txt", "w", encoding="utf-8") as file:
+            file.write(HEADER.format("CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]"))
+            file.writelines(_camera_row(cameras, i) for i in range(len(cameras)))
+        with open(part / "images.txt", "w", encoding="utf-8") as file:
+            file.write(HEADER.format("IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME"))
+            file.writelines(_image_rows(cameras, i, images[v]) for i, v in enumerate(cameras.views))
+        (part / "points3D.txt").write_text(HEADER.format("no points"))
+
+
+def _camera_row(cameras: Cameras, i: int) -> str:
+    refuse_skew(cameras, i)
+    K, lens = cameras.K[i].tolist(), cameras.lenses[i]
+    model, beyond = (lens.model, list(lens.parameters)) if lens else (PLAIN[1], [])
+    model = WIDER.get(model, model)  # its parameters are those and zeros
+    beyond += [0.0] * (len(CURVED.get(model, ())) - len(beyond))
+    values = [K[0][0], K[1][1], K[0][2], K[1][2], *beyond]
+    width, height = cameras.sizes[i].tolist()
+    return f"{i + 1} {model} {width} {height} {' '.join(map(repr, values))}\n"
+
+
+def _image_rows(cameras: Cameras, i: int, name: str) -> str:
+    quaternion = Rotation.from_matrix(cameras.R[i].numpy()).as_quat(scalar_first=True)
+    pose = " ".join(map(repr, [*quaternion.tolist(), *cameras.t[i].tolist()]))
+    return f"{i + 1} {pose} {i + 1} {name}\n\n"

@@ -1,0 +1,176 @@
+"""Which camera of a file belongs to which view, and its pixels: by name or order, size by size.
+
+A file's image names are matched to the views by their stems, whatever folders and endings they
+have. Views without a camera are dropped while enough are left; cameras without a view are not used.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path, PureWindowsPath
+
+import numpy as np
+import torch
+
+from silmesh.cameras.attempt import Attempt
+from silmesh.cameras.camera import Cameras
+from silmesh.errors import InputError
+from silmesh.views import View
+
+FEWEST, SHARE = 3, 0.5  # of the views that need a camera, where some have none
+SHOWN = 3  # names in a message
+
+
+@dataclass(frozen=True)
+class Rules:
+    """How a format's cameras belong to the views.
+
+    Attributes:
+        by_order: they have no names, but are as many as the views and in their order
+        working: they may be for the pixels of the working images
+    """
+
+    by_order: bool = False
+    working: bool = False
+
+
+def match(path: Path, cameras: Cameras, views: Sequence[View], rules: Rules) -> Attempt:
+    """The cameras of these views, in pixels of the working images.
+
+    Raises:
+        InputError: too few views have a camera, or the cameras are for other pictures
+    """
+    places = _by_order(path, cameras, views) if rules.by_order else _by_name(path, cameras, views)
+    kept = [i for i, place in enumerate(places) if place is not None]
+    dropped = {v.view: f"{path} has no camera for it" for i, v in enumerate(views) if i not in kept}
+    warnings = _tell_dropped(path, dropped, len(views))
+    views = [views[i] for i in kept]
+    cameras = cameras.select([places[i] for i in kept])
+    _refuse_off_centre(path, cameras, views)
+    sizes = [tuple(size) for size in cameras.sizes.tolist()]
+    warnings += _tell_scaled(path, sizes, views, rules.working)
+    maps = [
+        _map_to_working(path, size, view, rules.working)
+        for size, view in zip(sizes, views, strict=True)
+    ]
+    working = torch.tensor([[view.size, view.size] for view in views])
+    cameras = cameras.in_pixels_of(torch.tensor(np.stack(maps)), working)
+    cameras = cameras.named([view.view for view in views])
+    return Attempt("file", cameras, dropped=dropped, warnings=tuple(warnings))
+
+
+def _by_order(path: Path, cameras: Cameras, views: Sequence[View]) -> list[int | None]:
+    if len(cameras) != len(views):
+        raise InputError(
+            f"{path}: has {len(cameras)} cameras, but there are {len(views)} views; the format has "
+            "no names, so there should be a camera for each photograph in natural order"
+        )
+    return list(range(len(views)))
+
+
+def _by_name(path: Path, cameras: Cameras, views: Sequence[View]) -> list[int | None]:
+    """The position of each view's camera, or None."""
+    found: dict[str, list[int]] = {}
+    for i, name in enumerate(cameras.views):
+        file = PureWindowsPath(name)  # whose folders may be written in the manner of any system
+        for known in {file.name, file.stem}:
+            found.setdefault(known, []).append(i)
+    places = [found.get(view.view, []) for view in views]
+    for view, place in zip(views, places, strict=True):
+        if len(place) > 1:
+            names = ", ".join(repr(cameras.views[i]) for i in place[:SHOWN])
+            raise InputError(
+                f"{path}: has {len(place)} cameras for the view {view.view!r}: {names}; names "
+                "should differ in more than their folder and ending"
+            )
+    _refuse_few(path, cameras, views, [place for place in places if place])
+    return [place[0] if place else None for place in places]
+
+
+def _refuse_few(path: Path, cameras: Cameras, views: Sequence[View], found: Sequence) -> None:
+    count = len(found)
+    if count == len(views) or (count >= FEWEST and count >= SHARE * len(views)):
+        return
+    raise InputError(
+        f"{path}: its {len(cameras)} cameras ({_some(cameras.views)}) fit {count} of the "
+        f"{len(views)} views ({_some([view.view for view in views])}) by name; at least {FEWEST}, "
+        f"and {SHARE:.0%} of the views, should have one. A camera's name should be that of its "
+        "photograph, whatever its folder and ending; perhaps the file is for other pictures"
+    )
+
+
+def _some(names: Sequence[str]) -> str:
+    shown = ", ".join(map(repr, names[:SHOWN]))
+    return shown + ", ..." * (len(names) > SHOWN)
+
+
+def _tell_dropped(path: Path, dropped: dict[str, str], count: int) -> list[str]:
+    if not dropped:
+        return []
+    return [
+        f"{path}: {len(dropped)} of {count} photographs have no camera and are left out: "
+        f"{_some(list(dropped))}"
+    ]
+
+
+def _tell_scaled(
+    path: Path, sizes: Sequence[tuple[int, int]], views: Sequence[View], working: bool
+) -> list[str]:
+    scaled = {
+        size: view
+        for size, view in zip(sizes, views, strict=True)
+        if not _is_own(size, view, working)
+    }
+    return [
+        f"{path}: its cameras for {width}x{height} pixels are scaled to the photographs' "
+        f"{view.width}x{view.height}"
+        for (width, height), view in scaled.items()
+    ]
+
+
+def _refuse_off_centre(path: Path, cameras: Cameras, views: Sequence[View]) -> None:
+    """Refuse matrices of other pixels, which say no size: their axes leave the photographs."""
+    centre = cameras.K[:, :2, 2]
+    size = torch.tensor([[view.width, view.height] for view in views])
+    unsaid = (cameras.sizes == 0).all(dim=1)
+    outside = unsaid & ((centre < 0) | (centre > size)).any(dim=1)
+    if outside.sum() * 2 > len(views):
+        i = int(outside.int().argmax())
+        u, v = centre[i].tolist()
+        raise InputError(
+            f"{path}: the axes of {int(outside.sum())} of {len(views)} cameras pass their "
+            f"photographs by, at ({u:.0f}, {v:.0f}) where {views[i].view!r} has "
+            f"{views[i].width}x{views[i].height} pixels; the cameras should be for the "
+            "photographs' own pixels. If these were scaled or cropped since, give the original ones"
+        )
+
+
+def _is_own(size: tuple[int, int], view: View, working: bool) -> bool:
+    """Whether these are the photograph's pixels, or the working image's where that may be."""
+    known = [(0, 0), (view.width, view.height)] + [(view.size, view.size)] * working
+    return size in known
+
+
+def _map_to_working(path: Path, size: tuple[int, int], view: View, working: bool) -> np.ndarray:
+    """From the pixels that a camera is given in to those of the working image: [3, 3].
+
+    Photographs may have been scaled since, if the aspect is the same up to rounding.
+    """
+    width, height = size
+    if _is_own(size, view, working):
+        as_working = size == (view.size, view.size) != (view.width, view.height)
+        return np.eye(3) if as_working else view.pixel_map
+    if (
+        abs(height * view.width / width - view.height) < 1
+        or abs(width * view.height / height - view.width) < 1
+    ):
+        return view.pixel_map @ np.diag([view.width / width, view.height / height, 1])
+    raise InputError(
+        f"{path}: the camera of view {view.view!r} is for {width}x{height} pixels, but its "
+        f"photograph has {view.width}x{view.height}"
+        + f" (and its working image {view.size}x{view.size})"
+        * working
+        + "; cameras are scaled only where the aspect is the same. The file should be for these "
+        "photographs"
+        + ", turned as their EXIF orientation says"
+        * (size == (view.height, view.width))
+    )

@@ -1,0 +1,147 @@
+"""Meshroom's ``cameras.sfm``: JSON of views, intrinsics and poses, all values strings.
+
+Conventions, by AliceVision's reader and its compatibility data (``sfmDataIO``):
+
+    pose        ``rotation`` lists the rotation from world to camera by columns, which by rows is
+                the one from camera to world; ``center`` is where the camera stands; axes as ours
+    principal   from the top left in pixels before version 1.2.1, from the image's middle since
+    focal       ``pxFocalLength`` before 1.2 (one) and 1.2.2 (two); since then ``focalLength`` in
+                units of ``sensorWidth``, of x, and since 1.2.11 of y, with ``pixelRatio`` fy / fx,
+                which before 1.2.5 was fx / fy
+    distortion  the ``type`` of the intrinsics before 1.2.8, ``distortionType`` since
+    pixels      centres at integers: its undistortion samples pixel (i, j) at (i, j)
+"""
+
+from collections.abc import Mapping
+from pathlib import Path, PureWindowsPath
+from typing import Any
+
+import numpy as np
+
+from silmesh.cameras.camera import Cameras
+from silmesh.cameras.formats.parts import (
+    Camera,
+    gather,
+    intrinsics,
+    nearest_rotation,
+    numbers,
+    read_json,
+    to_half,
+)
+from silmesh.cameras.lens import Lens, lens_of
+from silmesh.errors import InputError, blaming
+
+Version = tuple[int, ...]
+Row = Mapping[str, Any]
+LENSES = {  # by its older and its newer name: our model, and where each of its parameters stands
+    **dict.fromkeys(("pinhole", "none", ""), ("PINHOLE", ())),
+    **dict.fromkeys(("radial1", "radialk1"), ("SIMPLE_RADIAL", (0,))),
+    **dict.fromkeys(
+        ("radial3", "radialk3", "radialk3pt"),
+        ("FULL_OPENCV", (0, 1, None, None, 2, None, None, None)),
+    ),
+    "brown": ("FULL_OPENCV", (0, 1, 3, 4, 2, None, None, None)),
+    **dict.fromkeys(("fisheye4", "fisheye"), ("OPENCV_FISHEYE", (0, 1, 2, 3))),
+    "fisheye1": ("FOV", (0,)),
+}
+
+
+def is_sfm(content: Any) -> bool:
+    """Whether this is what a ``.sfm`` file holds."""
+    return isinstance(content, dict) and {"views", "intrinsics"} <= set(content)
+
+
+def read(path: Path) -> Cameras:
+    """Cameras of the views that have a pose, by the names of their images."""
+    content = read_json(path)
+    if not is_sfm(content):
+        raise InputError(f"{path}: should hold 'views', 'intrinsics' and 'poses'")
+    version = _parse_version(content.get("version"), path)
+    lenses = _by_id(content["intrinsics"], "intrinsicId", path)
+    poses = _by_id(content.get("poses") or [], "poseId", path)
+    views = [
+        v for v in _by_id(content["views"], "viewId", path).values() if v.get("poseId") in poses
+    ]
+    if not views:
+        raise InputError(
+            f"{path}: none of its {len(content['views'])} views has a pose; should be the "
+            "cameras.sfm that Meshroom's StructureFromMotion leaves"
+        )
+    return gather([_parse(view, lenses, poses, version, path) for view in views])
+
+
+def _parse_version(value: Any, path: Path) -> Version:
+    """As a tuple; files before 1.2 need not say it."""
+    return tuple(numbers(value or [1, 0, 0], (3,), f"{path}: version").astype(int).tolist())
+
+
+def _by_id(rows: Any, key: str, path: Path) -> dict[str, Row]:
+    if not isinstance(rows, list) or not all(isinstance(row, dict) and key in row for row in rows):
+        raise InputError(f"{path}: should hold a list of objects with {key!r}")
+    return {row[key]: row for row in rows}
+
+
+def _parse(
+    view: Row, lenses: Mapping[str, Row], poses: Mapping[str, Row], version: Version, path: Path
+) -> Camera:
+    name = str(view.get("path", ""))
+    where = f"{path}: view {PureWindowsPath(name).name}"  # of any system
+    if str(view.get("isPoseIndependant", "true")).lower() in ("false", "0"):
+        raise InputError(f"{where}: is part of a rig of cameras, which cannot be read")
+    if view.get("intrinsicId") not in lenses:
+        raise InputError(f"{where}: its intrinsics {view.get('intrinsicId')} are not in the file")
+    size, K, lens = _parse_intrinsics(lenses[view["intrinsicId"]], version, where)
+    transform = poses[view["poseId"]].get("pose", {}).get("transform", {})
+    rotation = numbers(transform.get("rotation"), (9,), f"{where}: rotation")
+    centre = numbers(transform.get("center"), (3,), f"{where}: center")
+    R = nearest_rotation(rotation.reshape(3, 3).T, where)
+    return Camera(name, size, to_half(K), R, -R @ centre, lens)
+
+
+def _parse_intrinsics(
+    row: Row, version: Version, where: str
+) -> tuple[tuple[int, int], np.ndarray, Lens | None]:
+    """Size, K with pixel centres at integers, lens."""
+    width, height = (
+        int(numbers(row.get(key), (), f"{where}: {key}")) for key in ("width", "height")
+    )
+    centre = numbers(row.get("principalPoint"), (2,), f"{where}: principalPoint")
+    if version >= (1, 2, 1):
+        centre += (width / 2, height / 2)
+    K = intrinsics(_parse_focal(row, width, version, where), tuple(centre), where)
+    kind = str(row.get("type", "pinhole")).lower()
+    if version >= (1, 2, 8) and kind == "pinhole":
+        kind = str(row.get("distortionType", "none")).lower()
+    if kind not in LENSES:
+        raise InputError(
+            f"{where}: the lens {kind!r} cannot be read; known are "
+            f"{', '.join(filter(None, LENSES))}. Other ones are undistorted by Meshroom's "
+            "ImageProcessing or PrepareDenseScene, whose images and cameras can be read"
+        )
+    model, places = LENSES[kind]
+    values = row.get("distortionParams") or []
+    values = numbers(values, (len(values),), f"{where}: distortionParams").tolist()
+    if len(values) <= max((p for p in places if p is not None), default=-1):
+        values = [0.0] * 5  # a lens that was never estimated
+    with blaming(where):
+        lens = lens_of(model, [0.0 if p is None else values[p] for p in places])
+    if kind == "radialk3pt":  # scaled to keep the point at radius 1 in its place
+        K = K @ np.diag([1 / (1 + sum(values[:3]))] * 2 + [1])
+    return (width, height), K, lens
+
+
+def _parse_focal(row: Row, width: int, version: Version, where: str) -> tuple[float, float]:
+    """In pixels, of x and y."""
+    if version < (1, 2, 2):
+        value = row.get("pxFocalLength")
+        count = 2 if isinstance(value, list) else 1
+        given = numbers(value if count == 2 else [value], (count,), f"{where}: pxFocalLength")
+        return float(given[0]), float(given[-1])
+    length, sensor, ratio = (
+        float(numbers(row.get(key, default), (), f"{where}: {key}"))
+        for key, default in (("focalLength", None), ("sensorWidth", 36), ("pixelRatio", 1))
+    )
+    focal = length / sensor * width
+    if version >= (1, 2, 11):
+        return focal / ratio, focal
+    return focal, focal * ratio if version >= (1, 2, 5) else focal / ratio

@@ -1,0 +1,45 @@
+"""Middlebury's ``_par.txt``: ``name k11 k12 ... k33 r11 ... r33 t1 t2 t3`` a line, after a count.
+
+P = K [R | t] in pixels whose centres lie at integers from the top left (Seitz et al. 2006).
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from silmesh.cameras.camera import Cameras
+from silmesh.cameras.formats.parts import (
+    UNSAID,
+    Camera,
+    gather,
+    intrinsics,
+    nearest_rotation,
+    numbers,
+    read_lines,
+    to_half,
+)
+from silmesh.errors import InputError
+
+
+def read(path: Path) -> Cameras:
+    """Cameras by the names of their images."""
+    rows = [line.split() for line in read_lines(path) if line.strip()]
+    if not rows or len(rows[0]) != 1 or not rows[0][0].isdigit():
+        raise InputError(f"{path}: should begin with a line that says how many cameras follow")
+    if len(rows) - 1 != int(rows[0][0]):
+        raise InputError(
+            f"{path}: should hold {rows[0][0]} cameras, as its first line says, not {len(rows) - 1}"
+        )
+    return gather([_parse(row, f"{path}: camera {i}") for i, row in enumerate(rows[1:])])
+
+
+def _parse(row: list[str], where: str) -> Camera:
+    name = row[0]
+    values = numbers(row[1:], (21,), f"{where} ({name}): K, R and t")
+    K, R, t = values[:9].reshape(3, 3), values[9:18].reshape(3, 3), values[18:]
+    if np.abs([K[1, 0], *K[2, :2]]).max() > 0 or K[2, 2] == 0:
+        raise InputError(f"{where} ({name}): K should be upper triangular, not {K.tolist()}")
+    K = K / K[2, 2]
+    where = f"{where} ({name})"
+    K = intrinsics((K[0, 0], K[1, 1]), (K[0, 2], K[1, 2]), where, skew=K[0, 1])
+    return Camera(name, UNSAID, to_half(K), nearest_rotation(R, where), t)
