@@ -58,6 +58,11 @@ wildcard_constraints:
     cameras=r"turntable|file_\w+",
     source="[a-z]+",
     scene=r"\d+-[a-z]+-\w+-\w+",
+    features=r"\d+-\d+",
+    matches=r"\d+-\d+-(exhaustive|sequential)-\d+",
+    mapping="incremental|global",
+    masks="masked|fallback",
+    digest="[0-9a-f]{8}",
 
 
 include: "workflow/rules/common.smk"
@@ -74,6 +79,7 @@ include: "workflow/rules/synthetic.smk"
 include: "workflow/rules/views.smk"
 include: "workflow/rules/silhouettes.smk"
 include: "workflow/rules/cameras.smk"
+include: "workflow/rules/colmap.smk"
 include: "workflow/rules/scene.smk"
 include: "workflow/rules/truth.smk"
 include: "workflow/rules/first.smk"

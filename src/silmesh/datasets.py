@@ -214,12 +214,13 @@ def _parse_silhouettes(cell: str) -> str:
 
 def resolve_cameras(table: Path, cell: str) -> str:
     """Check where cameras come from, and make the path of ``file:<path>`` one from here."""
-    if cell in ("turntable", "calibrate"):
+    if cell in ("turntable", "calibrate", "colmap", "auto"):
         return cell
     kind, _, name = cell.partition(":")
     if kind != "file" or not name:
         raise InputError(
-            f"cameras: should be 'turntable', 'calibrate' or 'file:<path>', not {cell!r}"
+            "cameras: should be 'turntable', 'calibrate', 'colmap', 'auto' or 'file:<path>', "
+            f"not {cell!r}"
         )
     path = _beside(table, name.strip())
     if not path.is_file():
