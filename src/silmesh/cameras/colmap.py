@@ -93,6 +93,8 @@ def refuse_poor(figures: dict) -> None:
         "More photographs, that follow one another by at most 20 degrees, or a patterned sheet "
         "that lies under the object and turns with it, would help; or try cameras 'calibrate'"
     )
+    if len(models := figures["models"]) > 1:
+        told += f"; COLMAP found groups of {', '.join(map(str, models))} that it cannot join"
     if figures["registered"] < REGISTERED * figures["views"]:
         raise InputError(
             f"cameras 'colmap': {told}; at least {REGISTERED:.0%} should have one. {hint}"
