@@ -17,7 +17,7 @@ from silmesh.cameras.camera import Cameras
 from silmesh.cameras.features import POOR
 from silmesh.cameras.stages import Report
 from silmesh.cameras.upright import azimuths, find_up, turn_upright
-from silmesh.errors import InputError
+from silmesh.errors import InputError, blaming
 from silmesh.views import View
 
 REGISTERED = 0.5  # of the views, below which the attempt is refused
@@ -41,15 +41,17 @@ def attempt_model(source: str, model: Path, report: Report, views: Sequence[View
         return Attempt(source, None, report.refusal, warnings=report.warnings)
     found = pycolmap.Reconstruction(model)
     figures = {**report.figures, **measure(found, len(views))}
+    where = f"cameras {source!r}"
     try:
-        refuse_poor(figures)
-        R, t = poses(found, views)
-        up = find_up(R, -(R.mT @ t.unsqueeze(-1)).squeeze(-1))
-        Q = turn_upright(R, up.direction)
-        refuse_unturned(R, figures)
-        cameras = in_working_pixels(found, views, R @ Q.T, t)
+        with blaming(where):
+            refuse_poor(figures)
+            R, t = poses(found, views)
+            refuse_unturned(R, figures)
     except InputError as error:
         return Attempt(source, None, str(error), figures=figures, warnings=report.warnings)
+    up = find_up(R, -(R.mT @ t.unsqueeze(-1)).squeeze(-1))
+    Q = turn_upright(R, up.direction)
+    cameras = in_working_pixels(found, views, R @ Q.T, t)
     figures |= {
         "up_found_by": up.found_by,
         "colmap_from_world": Q.T.tolist(),  # X of the model = this times X of our world
@@ -60,7 +62,8 @@ def attempt_model(source: str, model: Path, report: Report, views: Sequence[View
         },
     }
     dropped = {**explain_dropped(cameras.views, views, report), **report.dropped}
-    warnings = (*report.warnings, *warn(figures, cameras, views, dropped))
+    said = [f"{where}: {line}" for line in warn(figures, cameras, views, dropped)]
+    warnings = (*report.warnings, *said)
     return Attempt(source, cameras, None, dropped, warnings, figures)
 
 
@@ -96,11 +99,9 @@ def refuse_poor(figures: dict) -> None:
     if len(models := figures["models"]) > 1:
         told += f"; COLMAP found groups of {', '.join(map(str, models))} that it cannot join"
     if figures["registered"] < REGISTERED * figures["views"]:
-        raise InputError(
-            f"cameras 'colmap': {told}; at least {REGISTERED:.0%} should have one. {hint}"
-        )
+        raise InputError(f"{told}; at least {REGISTERED:.0%} should have one. {hint}")
     if figures["points"] < POINTS:
-        raise InputError(f"cameras 'colmap': {told}; at least {POINTS} points are needed. {hint}")
+        raise InputError(f"{told}; at least {POINTS} points are needed. {hint}")
 
 
 def refuse_unturned(R: Tensor, figures: dict) -> None:
@@ -114,7 +115,7 @@ def refuse_unturned(R: Tensor, figures: dict) -> None:
     figures["turned"] = widest
     if widest < TURNED:
         raise InputError(
-            f"cameras 'colmap': the cameras found look the same way to within {widest:.1f} "
+            f"the cameras found look the same way to within {widest:.1f} "
             f"degrees (at least {TURNED:g} are needed): the photographs were aligned by a "
             "background that stands still while the object turns. Masks, or cameras 'calibrate', "
             "leave it out"
@@ -181,25 +182,24 @@ def warn(
     if dropped:
         names = ", ".join(list(dropped)[:8]) + (", ..." if len(dropped) > 8 else "")
         said.append(
-            f"cameras 'colmap': {len(dropped)} of {len(views)} photographs have no camera and are "
-            f"left out: {names}"
+            f"{len(dropped)} of {len(views)} photographs have no camera and are left out: {names}"
         )
     error = figures["reprojection_error"] * 1000 / figures["longer_side"]
     if error > BLURRED:
         said.append(
-            f"cameras 'colmap': points are met to {error:.1f} pixels per 1000 of the image, where "
+            f"points are met to {error:.1f} pixels per 1000 of the image, where "
             f"{BLURRED} is usual at most; the photographs may be blurred, or something moved"
         )
     if figures["track_length"] < SHORT:
         said.append(
-            f"cameras 'colmap': a point is seen by {figures['track_length']:.1f} photographs on "
+            f"a point is seen by {figures['track_length']:.1f} photographs on "
             "average; more photographs would make the cameras surer"
         )
     share = in_order(azimuths(cameras.R))
     figures["in_order"] = share
     if share < IN_ORDER:
         said.append(
-            f"cameras 'colmap': only {share:.0%} of the photographs follow the one before in the "
+            f"only {share:.0%} of the photographs follow the one before in the "
             "same direction around the object; either they were not taken in the order of their "
             "names, or some cameras are wrong"
         )
