@@ -64,7 +64,7 @@ def test_the_more_coherent_attempt_is_taken_or_that_with_more_views(ring, first,
 def test_the_reason_of_a_refused_attempt_is_told(ring):
     index, why = choose([A, B], [None, placed(ring, 12, 0.9)])
     assert index == 1
-    assert why == "calibrate: hull IoU 0.900 over 12 views; colmap: refused (12 of 36 views)"
+    assert why == "calibrate: hull IoU 0.900 over 12 views; colmap: no cameras (12 of 36 views)"
 
 
 def test_a_kept_world_is_not_moved(ring):

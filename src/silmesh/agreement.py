@@ -107,7 +107,7 @@ def _say_why(best: int, attempts: Sequence[Attempt], placed: Sequence[Placed | N
 
 
 def refused_or(attempt: Attempt, placed: Placed | None) -> str:
-    """An attempt's coherence and views, or why it was refused."""
+    """An attempt's coherence and views, or why it has no cameras."""
     if placed is None:
-        return f"refused ({attempt.refusal})"
+        return f"no cameras ({attempt.refusal})"
     return f"hull IoU {placed.mean:.3f} over {len(placed.cameras)} views"

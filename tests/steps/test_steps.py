@@ -2,6 +2,7 @@
 
 import errno
 import json
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -176,6 +177,8 @@ def test_metrics_have_the_contracts_keys(results):
     assert metrics["iou_mean"] > 0.7
     assert metrics["hull_iou_mean"] > 0.93
     assert metrics["iterations"] == 40
+    assert (metrics["views"], metrics["views_dropped"]) == (COUNT, 0)
+    assert metrics["cameras"]["source"] == "file"
     assert metrics["silhouettes"] == "scene/silhouettes"
     assert metrics["volume_iou"] > 0.5
     assert {"loss_final", "fit_seconds", "chamfer", "f_score", "normal_consistency"} <= set(metrics)
@@ -253,6 +256,33 @@ def test_a_refusal_is_told_when_there_is_no_other_attempt(results, tmp_path):
     with pytest.raises(InputError, match=r"^no turntable fits$"):
         call(scene, **pictures, cameras=tmp_path / "none", output=tmp_path / "scene")
     assert not (tmp_path / "scene").exists()
+
+
+def test_all_reasons_are_told_when_every_attempt_fails(results, tmp_path):
+    write_attempt(tmp_path / "a", Attempt("colmap", None, refusal="no texture"))
+    still = turntable(COUNT, SIZE).select([0] * COUNT)
+    names = tuple(f"v{i}" for i in range(COUNT))
+    write_attempt(tmp_path / "b", Attempt("calibrate", replace(still, views=names)))
+    pictures = {"views": results / "views", "silhouettes": results / "silhouettes"}
+    with pytest.raises(InputError, match=r"(?s)^no texture\n.*/b: ") as caught:
+        call(scene, **pictures, cameras=[tmp_path / "a", tmp_path / "b"], output=tmp_path / "s")
+    assert len(str(caught.value).splitlines()) == 2
+
+
+def test_why_an_attempt_is_taken_is_told(results, tmp_path, capsys):
+    write_attempt(tmp_path / "none", Attempt("colmap", None, refusal="no texture"))
+    pictures = {"views": results / "views", "silhouettes": results / "silhouettes"}
+    call(
+        scene,
+        **pictures,
+        cameras=[tmp_path / "none", results / "cameras"],
+        output=tmp_path / "scene",
+    )
+    told = json.loads((tmp_path / "scene" / "scene.json").read_text())
+    assert told["cameras_because"].startswith("file: hull IoU 0.9")
+    assert told["cameras_because"].endswith("colmap: no cameras (no texture)")
+    assert [a["source"] for a in told["attempts"]] == ["colmap", "file"]
+    assert "cameras from file are taken" in capsys.readouterr().out
 
 
 def test_cameras_that_hardly_agree_are_told_of_before_the_fit(results, tmp_path, capsys):

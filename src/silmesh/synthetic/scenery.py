@@ -5,12 +5,12 @@ motion wants. Before a still wall most of what shows does not turn, which is its
 """
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import torch
 import trimesh
 from numpy.typing import NDArray
-from PIL import Image
 from scipy.spatial import cKDTree
 
 from silmesh.cameras.camera import OBJECT_RADIUS, Cameras
@@ -114,11 +114,6 @@ def silhouettes(mesh: trimesh.Trimesh, cameras: Cameras) -> NDArray[np.bool_]:
     return (soft_silhouettes(points, faces, (height, width), sigma=1e-8) > 0.5).numpy()
 
 
-def read_scan(path: str) -> trimesh.Trimesh:
+def read_scan(path: Path) -> trimesh.Trimesh:
     """The one textured mesh of a scan's file."""
     return trimesh.load(path, force="mesh", process=False)
-
-
-def resize(image: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
-    """An image at another width and height."""
-    return np.asarray(Image.fromarray(image).resize(size, Image.Resampling.LANCZOS))
