@@ -264,9 +264,8 @@ def test_all_reasons_are_told_when_every_attempt_fails(results, tmp_path):
     names = tuple(f"v{i}" for i in range(COUNT))
     write_attempt(tmp_path / "b", Attempt("calibrate", replace(still, views=names)))
     pictures = {"views": results / "views", "silhouettes": results / "silhouettes"}
-    with pytest.raises(InputError, match=r"(?s)^no texture\n.*/b: ") as caught:
+    with pytest.raises(InputError, match=r"^no texture; [^;]*/b: the cameras "):
         call(scene, **pictures, cameras=[tmp_path / "a", tmp_path / "b"], output=tmp_path / "s")
-    assert len(str(caught.value).splitlines()) == 2
 
 
 def test_why_an_attempt_is_taken_is_told(results, tmp_path, capsys):
@@ -279,7 +278,7 @@ def test_why_an_attempt_is_taken_is_told(results, tmp_path, capsys):
         output=tmp_path / "scene",
     )
     told = json.loads((tmp_path / "scene" / "scene.json").read_text())
-    assert told["cameras_because"].startswith("file: hull IoU 0.9")
+    assert told["cameras_because"].startswith("file: hull IoU ")
     assert told["cameras_because"].endswith("colmap: no cameras (no texture)")
     assert [a["source"] for a in told["attempts"]] == ["colmap", "file"]
     assert "cameras from file are taken" in capsys.readouterr().out

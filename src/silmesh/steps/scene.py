@@ -30,7 +30,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     torch.set_num_threads(given.threads)
     attempts, placed = zip(*(_place(folder, given) for folder in given.cameras), strict=True)
     if not any(placed):
-        raise InputError("\n".join(str(attempt.refusal) for attempt in attempts))
+        raise InputError("; ".join(dict.fromkeys(str(attempt.refusal) for attempt in attempts)))
     index, why = choose(attempts, placed)
     attempt, best = attempts[index], placed[index]
     told = {
