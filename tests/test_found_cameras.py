@@ -35,13 +35,13 @@ pytestmark = pytest.mark.slow
 SURROUNDINGS = {"table": photograph_on_table, "wall": photograph_before_wall}
 
 
-def call(step, **options):
+def call(module, **options):
     """``main`` with options by their names; a list becomes several values."""
     argv = []
     for name, value in options.items():
         values = value if isinstance(value, list) else [value]
         argv += [f"--{name.replace('_', '-')}", *map(str, values)]
-    step.main(argv)
+    module.main(argv)
 
 
 def find(mesh, paint, surroundings, count, size, out):
