@@ -59,6 +59,11 @@ wildcard_constraints:
     calibration="calibrate(_anywhere)?",
     source="[a-z]+",
     scene=r"\d+-[a-z]+-\w+-\w+",
+    features=r"\d+-\d+",
+    matches=r"\d+-\d+-(exhaustive|sequential)-\d+",
+    mapping="incremental|global",
+    masks="masked|fallback",
+    digest="[0-9a-f]{8}",
 
 
 include: "workflow/rules/common.smk"
@@ -75,6 +80,7 @@ include: "workflow/rules/synthetic.smk"
 include: "workflow/rules/views.smk"
 include: "workflow/rules/silhouettes.smk"
 include: "workflow/rules/cameras.smk"
+include: "workflow/rules/colmap.smk"
 include: "workflow/rules/scene.smk"
 include: "workflow/rules/truth.smk"
 include: "workflow/rules/first.smk"

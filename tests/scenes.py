@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import torch
 from PIL import Image
+from scipy.ndimage import gaussian_filter
 
 from silmesh.cameras.camera import Cameras
 from silmesh.cameras.turntable import orbit_cameras, turntable_cameras
@@ -41,6 +42,12 @@ def silhouettes(
         half_b, a = along @ start, (along**2).sum(axis=-1)
         seen.append((half_b**2 >= a * (start @ start - 1)) & (half_b < 0))
     return np.stack(seen)
+
+
+def blotches(seed: int, size: tuple[int, int] = (320, 240)) -> np.ndarray:
+    """A random picture, grey, with features of its own."""
+    noise = gaussian_filter(np.random.default_rng(seed).normal(size=size[::-1]), 3)
+    return np.clip(128 + 60 * noise / noise.std(), 0, 255).astype(np.uint8)
 
 
 def save(path: Path, pixels: np.ndarray, **options) -> Path:

@@ -138,8 +138,8 @@ def test_every_unknown_key_has_its_line():
         ("views: {size: 8}", "views.size", "from 16 to 4,096", "8"),
         ("views: {resize: crop}", "views.resize", "'pad' or 'stretch'", "'crop'"),
         ("silhouettes: masks", "silhouettes", "'mask', 'alpha' or 'threshold'", "'masks'"),
-        ("cameras: colmap", "cameras", "'turntable', 'calibrate' or 'file:<path>'", "'colmap'"),
-        ("cameras: 'file:'", "cameras", "'turntable', 'calibrate' or 'file:<path>'", "'file:'"),
+        ("cameras: sfm", "cameras", "'colmap', 'auto' or 'file:<path>'", "'sfm'"),
+        ("cameras: 'file:'", "cameras", "'colmap', 'auto' or 'file:<path>'", "'file:'"),
     ],
 )
 def test_a_wrong_value_is_named_with_what_is_right(text, key, right, value):

@@ -214,14 +214,20 @@ def test_a_wrong_name(table, name):
             {"silhouettes": "Mask"},
             "silhouettes: should be one of mask, alpha, threshold, not 'Mask'",
         ),
-        ({"cameras": ""}, "cameras: should be 'turntable', 'calibrate' or 'file:<path>', not ''"),
         (
-            {"cameras": "file:"},
-            "cameras: should be 'turntable', 'calibrate' or 'file:<path>', not 'file:'",
+            {"cameras": ""},
+            "cameras: should be 'turntable', 'calibrate', 'colmap', 'auto' or 'file:<path>', "
+            "not ''",
         ),
         (
-            {"cameras": "colmap"},
-            "cameras: should be 'turntable', 'calibrate' or 'file:<path>', not 'colmap'",
+            {"cameras": "file:"},
+            "cameras: should be 'turntable', 'calibrate', 'colmap', 'auto' or 'file:<path>', "
+            "not 'file:'",
+        ),
+        (
+            {"cameras": "sfm"},
+            "cameras: should be 'turntable', 'calibrate', 'colmap', 'auto' or 'file:<path>', "
+            "not 'sfm'",
         ),
         ({"cameras": "file:no.npy"}, "no.npy: is not there"),
         ({"truth": "no.ply"}, "no.ply: is not there"),

@@ -105,6 +105,30 @@ def test_cameras_that_may_look_up_have_a_name_of_their_own(plan):
     assert found.with_cameras("cup", b.cameras_keys[0]) == b
 
 
+def test_colmaps_attempts_share_the_stages_that_they_agree_on(plan):
+    a, b, c, d = plan(
+        "a: {cameras: colmap}, b: {cameras: auto}, "
+        "c: {cameras: colmap, colmap: {masks: silhouettes, mapping: global}}, "
+        "d: {cameras: colmap, colmap: {seed: 1, matching: sequential}, views: {size: 32}}"
+    ).runs
+    assert (a.features_key, a.matches_key) == ("1600-4096", "1600-4096-exhaustive-0")
+    assert a.model_key == "1600-4096-exhaustive-0-incremental"
+    unmasked, fallback = a.cameras_keys
+    assert unmasked.startswith("256-pad-mask-colmap_")
+    assert fallback.startswith("256-pad-mask-colmap_fallback_")
+    assert b.cameras_keys == (unmasked, fallback, "256-pad-mask-calibrate")
+    assert len({a.scene_key, b.scene_key, c.scene_key}) == 3
+    assert (c.matches_key, c.model_key) == (a.matches_key, "1600-4096-exhaustive-0-global")
+    assert len(c.cameras_keys) == 1
+    assert c.cameras_keys[0].startswith("256-pad-mask-colmap_masked_")
+    assert (d.features_key, d.matches_key) == (a.features_key, "1600-4096-sequential-1")
+
+
+def test_the_runs_colmap_section_is_overridden_in_part(plan):
+    a, b = plan("a: {cameras: colmap}, b: {cameras: colmap, colmap: {seed: 3}}").runs
+    assert (a.colmap.seed, b.colmap.seed, b.colmap.features) == (0, 3, 4096)
+
+
 def test_two_camera_files_have_two_names(plan):
     found = plan("a: {cameras: 'file:camera.npy'}, b: {cameras: 'file:cameras.json'}")
     a, b = found.runs

@@ -41,8 +41,8 @@ Resize = Literal["pad", "stretch"]
 SilhouetteSource = Literal["mask", "alpha", "threshold"]
 CameraSource = Annotated[
     str,
-    StringConstraints(pattern=r"^(turntable|calibrate|file:.+)$"),
-    "'turntable', 'calibrate' or 'file:<path>'",
+    StringConstraints(pattern=r"^(turntable|calibrate|colmap|auto|file:.+)$"),
+    "'turntable', 'calibrate', 'colmap', 'auto' or 'file:<path>'",
 ]
 Positive = Annotated[
     float, Field(gt=0, le=1e6, allow_inf_nan=False), "a number above 0, at most 1,000,000"
@@ -51,6 +51,10 @@ NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False), "a number, 0 or
 Momentum = Annotated[float, Field(ge=0, lt=1)]
 Pixels = _whole(16, 4096)
 Truth = Annotated[bool, Field(strict=True), "true or false"]
+Seed = _whole(0, 2**31 - 1)  # COLMAP's are C++'s int
+Matching = Literal["auto", "exhaustive", "sequential"]
+Mapper = Literal["incremental", "global"]
+Masks = Literal["auto", "none", "silhouettes"]
 
 
 class _Section(BaseModel):
@@ -109,6 +113,40 @@ class CalibrateOverride(_Section):
     above_table: Truth | None = Field(None, description="overrides the run's calibrate.above_table")
 
 
+class Colmap(_Section):
+    """How COLMAP finds cameras."""
+
+    features: _whole(64, 100_000) = Field(4096, description="the most of each photograph")
+    max_size: _whole(200, 20_000) = Field(
+        1600, description="pixels of the longer side, above which photographs are made smaller"
+    )
+    matching: Matching = Field(
+        "auto",
+        description="exhaustive: every pair of photographs; sequential: neighbours in a round, in "
+        "the order of their names; auto is exhaustive up to 60 photographs",
+    )
+    mapping: Mapper = Field(
+        "incremental", description="incremental adds view by view; global takes all at once"
+    )
+    masks: Masks = Field(
+        "auto",
+        description="silhouettes: only features on the object; none: all; auto tries without and, "
+        "where that fails or contradicts the silhouettes, with them",
+    )
+    seed: Seed = Field(0, description="of random choices; the same seed gives the same cameras")
+
+
+class ColmapOverride(_Section):
+    """What a variant changes of the run's colmap section."""
+
+    features: _whole(64, 100_000) | None = Field(None, description="overrides colmap.features")
+    max_size: _whole(200, 20_000) | None = Field(None, description="overrides colmap.max_size")
+    matching: Matching | None = Field(None, description="overrides colmap.matching")
+    mapping: Mapper | None = Field(None, description="overrides colmap.mapping")
+    masks: Masks | None = Field(None, description="overrides colmap.masks")
+    seed: Seed | None = Field(None, description="overrides colmap.seed")
+
+
 class Init(_Section):
     """The first mesh."""
 
@@ -163,6 +201,7 @@ class Variant(_Section):
     calibrate: CalibrateOverride = Field(
         CalibrateOverride(), description="overrides the run's calibrate"
     )
+    colmap: ColmapOverride = Field(ColmapOverride(), description="overrides the run's colmap")
     init: Init = Field(Init(), description="the first mesh")
     fit: Fit = Field(Fit(), description="the fit")
 
@@ -175,6 +214,7 @@ class Config(_Section):
     )
     views: Views = Field(Views(), description="the working images")
     calibrate: Calibrate = Field(Calibrate(), description="cameras found from silhouettes")
+    colmap: Colmap = Field(Colmap(), description="how COLMAP finds cameras, where it does")
     variants: Annotated[
         dict[Name, Variant], Field(min_length=1), "names, each with its settings"
     ] = Field(

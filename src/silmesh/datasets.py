@@ -218,12 +218,13 @@ def resolve_cameras(table: Path, cell: str) -> str:
 
     A folder becomes the file in it that is read, or the folder of a model or of matrices.
     """
-    if cell in ("turntable", "calibrate"):
+    if cell in ("turntable", "calibrate", "colmap", "auto"):
         return cell
     kind, _, name = cell.partition(":")
     if kind != "file" or not name:
         raise InputError(
-            f"cameras: should be 'turntable', 'calibrate' or 'file:<path>', not {cell!r}"
+            "cameras: should be 'turntable', 'calibrate', 'colmap', 'auto' or 'file:<path>', "
+            f"not {cell!r}"
         )
     with blaming("cameras"):
         return f"file:{locate(_beside(table, name.strip())).path}"

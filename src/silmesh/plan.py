@@ -5,6 +5,9 @@ share it:
 
     results/<object>/stages/views/256-pad/
                             silhouettes/256-pad-mask/
+                            features/1600-4096/
+                            matches/1600-4096-exhaustive-0/
+                            models/1600-4096-exhaustive-0-incremental/
                             cameras/256-pad-turntable/, cameras/256-pad-mask-calibrate/
                             scenes/256-pad-mask-turntable/
                             first/256-pad-mask-turntable-sphere-1352-bbox.ply
@@ -20,9 +23,17 @@ from pathlib import Path
 from typing import Any
 
 from silmesh.cameras.locate import locate
-from silmesh.config import Config, Fit, Init, Variant, Views, parse_config
+from silmesh.config import Colmap, Config, Fit, Init, Variant, Views, parse_config
 from silmesh.datasets import Dataset, Turntable, read_datasets, resolve_cameras
 from silmesh.errors import InputError
+
+FOUND = ("calibrate", "colmap", "auto")  # sources that look at the silhouettes
+COLMAP = {  # the attempts of COLMAP's, by whether it masks
+    "none": ("colmap",),
+    "silhouettes": ("colmap_masked",),
+    "auto": ("colmap", "colmap_fallback"),
+}
+EXHAUSTIVE = 60  # photographs, up to which every pair is matched unless told otherwise
 
 
 @dataclass(frozen=True)
@@ -35,6 +46,7 @@ class Run:
     silhouettes: str
     cameras: str
     above_table: bool
+    colmap: Colmap
     init: Init
     fit: Fit
 
@@ -52,10 +64,38 @@ class Run:
     def cameras_keys(self) -> tuple[str, ...]:
         """Names the attempts at cameras; a file by a short digest of its path.
 
-        Cameras that are found from silhouettes depend on these too.
+        Cameras that are found from silhouettes, or judged by them, depend on these too.
         """
-        found = self.cameras == "calibrate"
-        return (self.scene_key if found else f"{self.views_key}-{self._cameras_name}",)
+        if self.cameras not in FOUND:
+            return (f"{self.views_key}-{self._cameras_name}",)
+        found = []
+        if self.cameras in ("colmap", "auto"):
+            found += [f"{name}_{_digest(self.model_key)}" for name in COLMAP[self.colmap.masks]]
+        if self.cameras in ("calibrate", "auto"):
+            found += [self._calibrate_name]
+        return tuple(f"{self.silhouettes_key}-{name}" for name in found)
+
+    @property
+    def features_key(self) -> str:
+        """Names the features of the photographs."""
+        return f"{self.colmap.max_size}-{self.colmap.features}"
+
+    @property
+    def matches_key(self) -> str:
+        """Names the matches of the features."""
+        return f"{self.features_key}-{self.matching}-{self.colmap.seed}"
+
+    @property
+    def model_key(self) -> str:
+        """Names the COLMAP model."""
+        return f"{self.matches_key}-{self.colmap.mapping}"
+
+    @property
+    def matching(self) -> str:
+        """Which pairs of photographs are matched."""
+        if self.colmap.matching != "auto":
+            return self.colmap.matching
+        return "exhaustive" if len(self.dataset.images) <= EXHAUSTIVE else "sequential"
 
     @property
     def scene_key(self) -> str:
@@ -100,15 +140,27 @@ class Run:
     @property
     def estimates_cameras(self) -> bool:
         """Whether the cameras are found from the pictures, so that their frame is arbitrary."""
-        return self.cameras in ("calibrate", "colmap", "auto")
+        return self.cameras in FOUND
+
+    @property
+    def _calibrate_name(self) -> str:
+        return "calibrate" if self.above_table else "calibrate_anywhere"
 
     @property
     def _cameras_name(self) -> str:
-        if self.cameras == "calibrate" and not self.above_table:
-            return "calibrate_anywhere"
+        if self.cameras in ("colmap", "auto"):
+            key = f"{self.model_key}-{self.colmap.masks}-{self.above_table}"
+            return f"{self.cameras}_{_digest(key)}"
+        if self.cameras == "calibrate":
+            return self._calibrate_name
         if self.camera_file is None:
             return self.cameras
-        return f"file_{zlib.crc32(self.cameras.encode()):08x}"
+        return f"file_{_digest(self.cameras)}"
+
+
+def _digest(name: str) -> str:
+    """A short digest: 8 hexadecimal digits."""
+    return f"{zlib.crc32(name.encode()):08x}"
 
 
 class Plan:
@@ -164,6 +216,7 @@ def _runs_of(dataset: Dataset, config: Config, where: str) -> list[Run]:
 def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where: str) -> Run:
     """An object's run with a variant: the variant's word, else the row's, else the run's."""
     views = config.views.model_copy(update=variant.views.model_dump(exclude_none=True))
+    colmap = config.colmap.model_copy(update=variant.colmap.model_dump(exclude_none=True))
     cameras = dataset.cameras
     if variant.cameras:
         try:
@@ -189,4 +242,5 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
         )
     above = variant.calibrate.above_table
     above = config.calibrate.above_table if above is None else above
-    return Run(dataset, name, views, silhouettes, cameras, above, variant.init, variant.fit)
+    init, fit = variant.init, variant.fit
+    return Run(dataset, name, views, silhouettes, cameras, above, colmap, init, fit)

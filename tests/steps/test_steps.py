@@ -3,6 +3,7 @@
 import errno
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -191,6 +192,8 @@ def test_metrics_have_the_contracts_keys(results):
     assert metrics["iou_mean"] > 0.7
     assert metrics["hull_iou_mean"] > 0.93
     assert metrics["iterations"] == 40
+    assert (metrics["views"], metrics["views_dropped"]) == (COUNT, 0)
+    assert metrics["cameras"]["source"] == "file"
     assert metrics["silhouettes"] == "scene/silhouettes"
     assert metrics["volume_iou"] > 0.5
     assert (metrics["components"], metrics["genus"], metrics["manifold"]) == (1, 0, True)
@@ -334,6 +337,32 @@ def test_a_refusal_is_told_when_there_is_no_other_attempt(results, tmp_path):
     with pytest.raises(InputError, match=r"^no turntable fits$"):
         call(scene, **pictures, cameras=tmp_path / "none", output=tmp_path / "scene")
     assert not (tmp_path / "scene").exists()
+
+
+def test_all_reasons_are_told_when_every_attempt_fails(results, tmp_path):
+    write_attempt(tmp_path / "a", Attempt("colmap", None, refusal="no texture"))
+    still = turntable(COUNT, SIZE).select([0] * COUNT)
+    names = tuple(f"v{i}" for i in range(COUNT))
+    write_attempt(tmp_path / "b", Attempt("calibrate", replace(still, views=names)))
+    pictures = {"views": results / "views", "silhouettes": results / "silhouettes"}
+    with pytest.raises(InputError, match=r"^no texture; .*/b: (the cameras|view 'v0':)"):
+        call(scene, **pictures, cameras=[tmp_path / "a", tmp_path / "b"], output=tmp_path / "s")
+
+
+def test_why_an_attempt_is_taken_is_told(results, tmp_path, capsys):
+    write_attempt(tmp_path / "none", Attempt("colmap", None, refusal="no texture"))
+    pictures = {"views": results / "views", "silhouettes": results / "silhouettes"}
+    call(
+        scene,
+        **pictures,
+        cameras=[tmp_path / "none", results / "cameras"],
+        output=tmp_path / "scene",
+    )
+    told = json.loads((tmp_path / "scene" / "scene.json").read_text())
+    assert told["cameras_because"].startswith("file: hull IoU ")
+    assert told["cameras_because"].endswith("colmap: no cameras (no texture)")
+    assert [a["source"] for a in told["attempts"]] == ["colmap", "file"]
+    assert "cameras from file are taken" in capsys.readouterr().out
 
 
 def test_cameras_that_hardly_agree_are_told_of_before_the_fit(results, tmp_path, capsys):

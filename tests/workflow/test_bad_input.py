@@ -147,6 +147,14 @@ def test_a_second_objects_mistake_is_found_before_the_first_ones_fit(fresh):
     assert not (fresh / "logs/fit").exists()
 
 
+def test_photographs_that_colmap_cannot_use(fresh):
+    fresh.edit("config/datasets.tsv", "mask\tturntable", "mask\tcolmap")
+    said = message(refusal(fresh, cores=1))
+    assert "cup_r0.png: has 40x32 pixels; cameras 'colmap' needs" in said
+    assert said.count("cameras 'colmap' needs") == 1
+    assert not (fresh / "logs/fit").exists()
+
+
 def test_a_truth_that_is_no_mesh_is_found_before_the_fit(fresh):
     (fresh / "config/true.ply").write_text("nonsense")
     fresh.edit("config/datasets.tsv", "turntable\tvariants", "turntable\ttruth")

@@ -1,6 +1,7 @@
 """A change reruns what depends on it, and nothing else: dry runs after a real one."""
 
 import os
+import re
 import time
 from pathlib import Path
 
@@ -166,6 +167,24 @@ def test_cameras_found_from_silhouettes(project):
     assert project.outdated() == from_calibrate
     recolour(project / "photos/mask2/cup/cup_r90.png")
     assert project.outdated() == FROM_SILHOUETTES | from_calibrate
+
+
+def test_cameras_found_by_colmap_or_from_silhouettes(project):
+    with open(project / "config/config.yaml", "a") as config:
+        config.write("  found:\n    cameras: auto\n    init: {vertices: 60}\n")
+    jobs = {re.sub(r"_[0-9a-f]{8}", "", job) for job in project.outdated()}
+    scene = "cup/32-pad-mask-auto"
+    assert jobs == {
+        "colmap_features cup/1600-4096",
+        "colmap_matches cup/1600-4096-exhaustive-0",
+        "colmap_map cup/1600-4096-exhaustive-0-incremental",
+        "colmap cup/32-pad-mask-colmap",
+        "colmap_masked cup/32-pad-mask-colmap_fallback",
+        "calibrate cup/32-pad-mask-calibrate",
+        f"scene {scene}",
+        f"first {scene}-sphere-60-bbox",
+        *from_fit("found"),
+    }
 
 
 def test_a_new_object_leaves_the_others_alone(project):

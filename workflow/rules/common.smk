@@ -41,6 +41,21 @@ def known_geometry(wildcards):
     return " ".join(said + ["--no-above-table"] * (not run.above_table))
 
 
+def with_colmap(wildcards):
+    """A run of whose attempts at cameras one is this COLMAP's."""
+    w = wildcards
+    name = f"colmap_{w.masks}" if hasattr(w, "masks") else "colmap"
+    return plan.with_cameras(w.object, f"{w.views}-{w.source}-{name}_{w.digest}")
+
+
+def unmasked_attempt(wildcards):
+    """The attempt without masks, for one with them that is only made if that fails."""
+    w = wildcards
+    key = f"{w.views}-{w.source}-colmap_{w.digest}"
+    folder = f"results/{w.object}/stages/cameras/{key}"
+    return {"unmasked": folder} if w.masks == "fallback" else {}
+
+
 def fit_inputs(wildcards):
     """The stages that a fit stands on."""
     run = plan.run(wildcards.object, wildcards.variant)

@@ -81,6 +81,13 @@ METRICS = (
         "smoothness terms.",
         ".4f",
     ),
+    Metric("views", "Views", "Photographs that were fitted.", ",d"),
+    Metric(
+        "views_dropped",
+        "Views dropped",
+        "Photographs that were left out, because no camera was found for them.",
+        ",d",
+    ),
     Metric("iterations", "Iterations", "Steps of the fit.", ",d"),
     Metric("fit_seconds", "Seconds", "How long the fit took.", ",.0f"),
     Metric("vertices", "Vertices", "Corners of the mesh.", ",d"),
@@ -207,6 +214,7 @@ def _describe_object(
             "incoherent": is_incoherent(metrics[object_, variant]),
             "picture": _embed_png(pictures[object_, variant].read_bytes()),
             "thumbnail": _embed_thumbnail(pictures[object_, variant]),
+            "cameras": metrics[object_, variant].get("cameras"),
             "settings": run_settings(object_, variant, settings),
         }
         for variant in variants

@@ -41,10 +41,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     folder = given.scene / SILHOUETTES
     silhouettes = read_silhouettes(folder, cameras.views)
     iou = silhouette_iou(*to_tensors(mesh), cameras, silhouettes, given.sigma)
+    scene = read_scene(given.scene)[2]
     last = pd.read_csv(given.loss).iloc[-1]
     metrics = {
         **summarise_iou(iou, held_out(len(iou), given.holdout)),
-        "hull_iou_mean": read_scene(given.scene)[2]["hull_iou_mean"],
+        "hull_iou_mean": scene["hull_iou_mean"],
+        "views": len(iou),
+        "views_dropped": len(scene["dropped"]),
         "loss_final": float(last["loss"]),
         "iterations": int(last["iteration"]) + 1,
         "fit_seconds": float(last["seconds"]),
@@ -60,6 +63,12 @@ def main(argv: Sequence[str] | None = None) -> None:
             mesh.vertices = found.apply(mesh.vertices)
             metrics |= {"aligned": True, "scale": found.scale}
         metrics |= compare_to_truth(mesh, truth)
+    metrics["cameras"] = {
+        "source": scene["cameras"],
+        "because": scene["cameras_because"],
+        "attempts": scene["attempts"],
+        "dropped": scene["dropped"],
+    }
     metrics["iou"] = dict(zip(cameras.views, iou.tolist(), strict=True))
     with replacing(given.output) as part:
         part.write_text(json.dumps(metrics, indent=1) + "\n")

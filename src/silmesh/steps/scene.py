@@ -1,33 +1,20 @@
 """Silhouettes and cameras: undistort, take the most coherent cameras, normalise the world."""
 
+from argparse import Namespace
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
 
-import numpy as np
 import torch
 
+from silmesh.agreement import Placed, choose, place, refused_or
 from silmesh.cameras.attempt import Attempt, read_attempt
-from silmesh.cameras.camera import Cameras, Similarity
 from silmesh.errors import InputError, blaming
-from silmesh.evaluation import coherence
-from silmesh.hull import carve
-from silmesh.scene import SILHOUETTES, VIEWS, normalising, refuse_camera_inside, write_scene
+from silmesh.scene import SILHOUETTES, VIEWS, write_scene
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import parser, run
-from silmesh.straighten import Straightened, straighten
 
 DOUBTFUL = 0.5  # below this hull IoU a person is told before the fit, not only on the page
-
-
-class Candidate(NamedTuple):
-    """An attempt's cameras in the normalised world, and how coherent they are."""
-
-    attempt: Attempt
-    straightened: Straightened
-    cameras: Cameras
-    similarity: Similarity
-    agreement: np.ndarray
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -41,47 +28,52 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--output", type=Path, required=True, help="folder to make")
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)
-    attempts = {folder: read_attempt(folder) for folder in given.cameras}
-    candidates = [
-        _normalise(folder, attempt, given.silhouettes, given.keep_world)
-        for folder, attempt in attempts.items()
-        if attempt.cameras is not None
-    ]
-    if not candidates:
-        raise InputError("\n".join(str(attempt.refusal) for attempt in attempts.values()))
-    best = max(candidates, key=lambda candidate: candidate.agreement.mean())
+    attempts, placed = zip(*(_place(folder, given) for folder in given.cameras), strict=True)
+    if not any(placed):
+        raise InputError("; ".join(dict.fromkeys(str(attempt.refusal) for attempt in attempts)))
+    index, why = choose(attempts, placed)
+    attempt, best = attempts[index], placed[index]
+    told = {
+        "cameras": attempt.source,
+        "cameras_because": why,
+        "dropped": dict(attempt.dropped),
+        "warnings": list(attempt.warnings),
+        "figures": dict(attempt.figures),
+        "attempts": [
+            {"source": a.source, "came_to": refused_or(a, p), "warnings": list(a.warnings)}
+            for a, p in zip(attempts, placed, strict=True)
+        ],
+    }
     write_scene(
         given.output,
         best.cameras,
         best.similarity,
-        best.agreement,
+        best.coherence,
         {VIEWS: given.views, SILHOUETTES: given.silhouettes},
-        {
-            "cameras": best.attempt.source,
-            "dropped": dict(best.attempt.dropped),
-            "warnings": list(best.attempt.warnings),
-            "figures": dict(best.attempt.figures),
-        },
+        told,
         best.straightened,
     )
-    if best.agreement.mean() < DOUBTFUL:
+    if len(attempts) > 1:
+        print(f"{given.silhouettes}: cameras from {attempt.source} are taken. {why}")
+    if best.mean < DOUBTFUL:
         print(
-            f"warning: {given.silhouettes} and {given.cameras[0]} hardly agree: hull IoU "
-            f"{best.agreement.mean():.2f}. The fit will be poor unless the cameras (a turntable's "
+            f"warning: {given.silhouettes} and {given.cameras[index]} hardly agree: hull IoU "
+            f"{best.mean:.2f}. The fit will be poor unless the cameras (a turntable's "
             "distance, elevation and step) are those of the photographs"
         )
 
 
-def _normalise(folder: Path, attempt: Attempt, silhouettes: Path, keep_world: bool) -> Candidate:
-    seen = read_silhouettes(silhouettes, attempt.cameras.views)
-    with blaming(folder):
-        straightened = straighten(attempt.cameras, seen)
-        cameras, seen = straightened.cameras, straightened.silhouettes(seen)
-        similarity = Similarity.identity() if keep_world else normalising(cameras, seen)
-        cameras = cameras.in_world_of(similarity)
-        refuse_camera_inside(cameras)
-    agreement = coherence(carve(seen, cameras), cameras, seen)
-    return Candidate(attempt, straightened, cameras, similarity, agreement)
+def _place(folder: Path, given: Namespace) -> tuple[Attempt, Placed | None]:
+    """An attempt and its cameras in the normalised world; None, and why, if it gives none."""
+    attempt = read_attempt(folder)
+    if attempt.cameras is None:
+        return attempt, None
+    try:
+        with blaming(folder):
+            seen = read_silhouettes(given.silhouettes, attempt.cameras.views)
+            return attempt, place(attempt.cameras, seen, given.keep_world)
+    except InputError as error:
+        return replace(attempt, refusal=str(error)), None
 
 
 if __name__ == "__main__":

@@ -1,0 +1,262 @@
+"""Features of the photographs in a COLMAP database, from which structure from motion starts.
+
+Keypoints are in pixels of the upright photograph, whose centres lie at integer + 0.5 as everywhere.
+Images are numbered from 1 in the order of the views and named by them. Photographs of one size and
+one focal length share a camera.
+"""
+
+import hashlib
+import shutil
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import PIL.Image  # before pycolmap, or saving a PNG crashes
+import pycolmap
+from scipy.ndimage import binary_dilation
+
+from silmesh.cameras.stages import DATABASE, Report
+from silmesh.errors import InputError
+from silmesh.views import View, read_image
+
+LENS = "SIMPLE_RADIAL"  # focal length, principal point, one radial coefficient
+FEWEST_PHOTOGRAPHS = 3
+LEAST_SIDE = 200  # pixels of the longer side, below which photographs hold too few features
+SMALL = 1200  # pixels of the longer side, up to which features are sought at twice the resolution
+USUAL_FOCAL = 1.2  # of the longer side, where nothing is known
+FEW_FEATURES = 40  # median over the views, below which there is nothing to match
+POOR = 0.2  # of the median: a photograph with fewer features than that is probably blurred
+BORDER = 3  # working pixels by which a mask is widened: features need their surroundings
+
+
+class Photograph(NamedTuple):
+    """A photograph and its features."""
+
+    view: str
+    size: tuple[int, int]  # width, height
+    focal: float | None  # pixels, from EXIF
+    digest: str  # of its pixels
+    keypoints: np.ndarray  # [n, 4] float32: x, y, scale, orientation
+    descriptors: np.ndarray  # [n, 128] uint8
+
+
+def extract(paths: Sequence[Path], max_size: int, count: int, threads: int, folder: Path) -> Report:
+    """Find the features of photographs and write ``<folder>/database.db``.
+
+    Args:
+        paths: image files
+        max_size: of the longer side in pixels, above which photographs are made smaller first
+        count: the most features that are kept of each
+        threads: processes; the result does not depend on it
+
+    Raises:
+        InputError: the photographs are an array, too few, too small, or without texture
+    """
+    _refuse_array(paths)
+    work = partial(_look_at, max_size=max_size, count=count)
+    if threads > 1:
+        with ProcessPoolExecutor(threads) as pool:
+            found = list(pool.map(work, paths))
+    else:
+        found = list(map(work, paths))
+    repeated = _find_repeated(found)
+    _refuse_few(len(found), repeated)
+    report = _describe(found, repeated)
+    _write_database(folder / DATABASE, [p for p in found if p.view not in repeated], found)
+    return report
+
+
+def _refuse_array(paths: Sequence[Path]) -> None:
+    if paths[0].suffix == ".npy":
+        height, width = np.load(paths[0], mmap_mode="r").shape[2:]
+        raise InputError(
+            f"{paths[0]}: an array of images ({width}x{height} pixels); cameras 'colmap' needs the "
+            f"photographs as files, of at least {LEAST_SIDE} pixels; "
+            "try cameras 'calibrate' or a file of cameras"
+        )
+
+
+def _look_at(path: Path, max_size: int, count: int) -> Photograph:
+    """Read a photograph and find its features."""
+    image = read_image(path).convert("L")
+    width, height = image.size
+    if max(width, height) < LEAST_SIDE:
+        raise InputError(
+            f"{path}: has {width}x{height} pixels; cameras 'colmap' needs photographs of at least "
+            f"{LEAST_SIDE} pixels; try cameras 'calibrate'"
+        )
+    digest = hashlib.sha256(image.tobytes()).hexdigest()
+    scale = min(1.0, max_size / max(width, height))
+    if scale < 1:
+        small = (round(width * scale), round(height * scale))
+        image = image.resize(small, PIL.Image.Resampling.LANCZOS)
+    keypoints, descriptors = _sift(np.asarray(image), count)
+    keypoints[:, :2] *= np.float32([width / image.width, height / image.height])
+    keypoints[:, 2] *= width / image.width
+    return Photograph(path.stem, (width, height), _read_focal(path), digest, keypoints, descriptors)
+
+
+def _sift(grey: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """SIFT features of an image [height, width] uint8: keypoints [n, 4], descriptors [n, 128]."""
+    quieten()
+    options = pycolmap.FeatureExtractionOptions(use_gpu=False, num_threads=1)
+    options.sift.max_num_features = count
+    options.sift.first_octave = -1 if max(grey.shape) <= SMALL else 0
+    extractor = pycolmap.FeatureExtractor.create(options, pycolmap.Device.cpu)
+    keypoints, descriptors = extractor.extract(pycolmap.Bitmap.from_array(grey))
+    return pycolmap.keypoints_to_matrix(keypoints), descriptors.data
+
+
+def quieten() -> None:
+    """Let COLMAP speak of errors only: its log is long, and what matters is in the reports."""
+    pycolmap.logging.minloglevel = int(pycolmap.logging.Level.ERROR)
+
+
+def _read_focal(path: Path) -> float | None:
+    """The focal length in pixels that EXIF tells, if any."""
+    try:
+        camera = pycolmap.infer_camera_from_image(path)
+    except (RuntimeError, ValueError):  # of formats that only Pillow reads
+        return None
+    return camera.mean_focal_length() if camera.has_prior_focal_length else None
+
+
+def _find_repeated(found: Sequence[Photograph]) -> dict[str, str]:
+    """The views whose picture is that of an earlier one, and which."""
+    first: dict[str, str] = {}
+    pairs = {p.view: first.setdefault(f"{p.size}{p.digest}", p.view) for p in found}
+    return {view: earlier for view, earlier in pairs.items() if view != earlier}
+
+
+def _refuse_few(count: int, repeated: dict[str, str]) -> None:
+    if count - len(repeated) < FEWEST_PHOTOGRAPHS:
+        same = "".join(f"; {view!r} is the same picture as {of!r}" for view, of in repeated.items())
+        raise InputError(
+            f"cameras 'colmap': there are {count - len(repeated)} different photographs; it takes "
+            f"at least {FEWEST_PHOTOGRAPHS}, and two dozen around the object to be trusted{same}"
+        )
+
+
+def _describe(found: Sequence[Photograph], repeated: dict[str, str]) -> Report:
+    """What to say of the features."""
+    counts = {p.view: len(p.keypoints) for p in found}
+    median = float(np.median(list(counts.values())))
+    if median < FEW_FEATURES:
+        raise InputError(
+            f"cameras 'colmap': the photographs show too little texture: {median:.0f} features in "
+            f"half of them (at least {FEW_FEATURES} are needed). Sharper or larger photographs, or "
+            "a patterned sheet that lies under the object and turns with it, would help; "
+            "or try cameras 'calibrate', which needs none"
+        )
+    report = Report(
+        dropped={view: f"the same picture as {of!r}" for view, of in repeated.items()},
+        figures={
+            "features": counts,
+            "focal_from_exif": {p.view: p.focal for p in found if p.focal is not None},
+            "lenses": len({(p.size, p.focal) for p in found}),
+        },
+    )
+    if repeated:
+        view, of = next(iter(repeated.items()))
+        report = report.tell(
+            f"{len(repeated)} photographs repeat others pixel for pixel and are left out, "
+            f"for example {view!r}, which is {of!r}"
+        )
+    if poor := [view for view, n in counts.items() if n < POOR * median]:
+        report = report.tell(
+            f"few features, perhaps blurred: {', '.join(poor)} (fewer than {POOR:.0%} of the "
+            f"others' {median:.0f})"
+        )
+    return report
+
+
+def _write_database(
+    path: Path, photographs: Sequence[Photograph], numbered: Sequence[Photograph]
+) -> None:
+    """Write a database, in which a photograph's number is its place in ``numbered``."""
+    number = {p.view: i for i, p in enumerate(numbered, start=1)}
+    lenses: dict[tuple, pycolmap.Camera] = {}
+    with pycolmap.Database.open(path) as database:
+        for p in photographs:
+            kind = (p.size, p.focal)
+            if kind not in lenses:
+                lenses[kind] = _write_lens(database, len(lenses) + 1, p)
+            image = pycolmap.Image(name=p.view, camera_id=lenses[kind].camera_id)
+            image.image_id = number[p.view]
+            database.write_image(image, use_image_id=True)
+            frame = pycolmap.Frame(frame_id=image.image_id, rig_id=lenses[kind].camera_id)
+            frame.add_data_id(image.data_id)
+            database.write_frame(frame, use_frame_id=True)
+            write_features(database, image.image_id, p.keypoints, p.descriptors)
+
+
+def _write_lens(database: pycolmap.Database, number: int, p: Photograph) -> pycolmap.Camera:
+    """Write the camera that took a photograph, alone on its rig."""
+    focal = p.focal or USUAL_FOCAL * max(p.size)
+    camera = pycolmap.Camera.create_from_model_name(number, LENS, focal, *p.size)
+    camera.has_prior_focal_length = p.focal is not None
+    database.write_camera(camera, use_camera_id=True)
+    rig = pycolmap.Rig(rig_id=number)
+    rig.add_ref_sensor(camera.sensor_id)
+    database.write_rig(rig, use_rig_id=True)
+    return camera
+
+
+def write_features(
+    database: pycolmap.Database, number: int, keypoints: np.ndarray, descriptors: np.ndarray
+) -> None:
+    """Write an image's keypoints [n, 4] and descriptors [n, 128]."""
+    database.write_keypoints(number, keypoints)
+    kind = pycolmap.FeatureExtractorType.SIFT
+    database.write_descriptors(number, pycolmap.FeatureDescriptors(kind, descriptors))
+
+
+def keep_inside(
+    database: Path, views: Sequence[View], silhouettes: np.ndarray, folder: Path, before: Report
+) -> Report:
+    """Keep the features on the object alone: write them to ``<folder>/database.db``.
+
+    Args:
+        database: of all features, which stays as it is
+        views: in the order in which the database numbers them
+        silhouettes: [views, size, size] bool, of the working images
+
+    Raises:
+        InputError: the object shows too few features
+    """
+    shutil.copyfile(database, folder / DATABASE)
+    counts = {}
+    with pycolmap.Database.open(folder / DATABASE) as kept:
+        features = {
+            image.image_id: (
+                kept.read_keypoints(image.image_id),
+                kept.read_descriptors(image.image_id).data,
+            )
+            for image in kept.read_all_images()
+        }
+        kept.clear_keypoints()
+        kept.clear_descriptors()
+        for number, (keypoints, descriptors) in sorted(features.items()):
+            view = views[number - 1]
+            inside = _inside(keypoints[:, :2], view, silhouettes[number - 1])
+            write_features(kept, number, keypoints[inside], descriptors[inside])
+            counts[view.view] = int(inside.sum())
+    median = float(np.median(list(counts.values())))
+    if median < FEW_FEATURES:
+        raise InputError(
+            f"cameras 'colmap' with masks: the object itself shows too little texture: "
+            f"{median:.0f} features in half of the photographs (at least {FEW_FEATURES} are "
+            "needed); try cameras 'calibrate', which needs none"
+        )
+    return before.tell(features_inside=counts)
+
+
+def _inside(points: np.ndarray, view: View, silhouette: np.ndarray) -> np.ndarray:
+    """Which points [n, 2] of a photograph lie on the widened silhouette of its view: [n] bool."""
+    near = binary_dilation(silhouette, iterations=BORDER)
+    mapped = points @ view.pixel_map[:2, :2].T + view.pixel_map[:2, 2]
+    column, row = np.clip(np.floor(mapped).astype(int), 0, view.size - 1).T
+    return near[row, column]

@@ -1,0 +1,80 @@
+"""From matches to cameras and points: COLMAP's mappers, on one thread so that they repeat."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import PIL.Image  # noqa: F401, before pycolmap, or saving a PNG crashes
+import pycolmap
+
+from silmesh.cameras.features import quieten
+from silmesh.cameras.matching import linked
+from silmesh.cameras.stages import MODEL, Report
+from silmesh.errors import InputError
+
+SMALLEST = 3  # views of a model
+
+
+def map_views(database: Path, mapping: str, seed: int, folder: Path, before: Report) -> Report:
+    """Find cameras and points, and write the model with the most views to ``<folder>/model/``.
+
+    Args:
+        database: of the matches
+        mapping: a key of ``MAPPERS``
+
+    Raises:
+        InputError: the mapper finds no model
+    """
+    quieten()
+    scratch = folder / "models"
+    scratch.mkdir()
+    models = MAPPERS[mapping](database, scratch, seed)
+    links = linked(database)
+    report = before.tell(models=[m.num_reg_images() for m in models.values()], linked=links)
+    if not models:
+        raise InputError(_say_none(report))
+    best = max(models.values(), key=lambda m: (m.num_reg_images(), m.num_points3D()))
+    (folder / MODEL).mkdir()
+    best.write(folder / MODEL)
+    for file in sorted(scratch.rglob("*"), reverse=True):
+        file.rmdir() if file.is_dir() else file.unlink()
+    scratch.rmdir()
+    return report
+
+
+def _map_step_by_step(database: Path, scratch: Path, seed: int) -> Mapping:
+    options = pycolmap.IncrementalPipelineOptions(
+        num_threads=1, random_seed=seed, min_model_size=SMALLEST, extract_colors=False
+    )
+    for part in (options.mapper, options.triangulation):
+        part.random_seed = seed
+    options.mapper.num_threads = 1
+    return pycolmap.incremental_mapping(database, scratch, scratch, options)
+
+
+def _map_at_once(database: Path, scratch: Path, seed: int) -> Mapping:
+    options = pycolmap.GlobalPipelineOptions(
+        num_threads=1, random_seed=seed, min_model_size=SMALLEST
+    )
+    mapper = options.mapper
+    mapper.num_threads, mapper.random_seed = 1, seed
+    mapper.bundle_adjustment.ceres.solver_options.num_threads = 1
+    for part in (mapper.rotation_averaging, mapper.global_positioning, mapper.retriangulation):
+        part.random_seed = seed
+    return pycolmap.global_mapping(database, scratch, scratch, options)
+
+
+MAPPERS: dict[str, Callable[[Path, Path, int], Mapping]] = {
+    "incremental": _map_step_by_step,
+    "global": _map_at_once,
+}
+
+
+def _say_none(report: Report) -> str:
+    figures = report.figures
+    return (
+        f"cameras 'colmap': no cameras explain the matches: {figures['pairs_verified']} of "
+        f"{figures['pairs']} pairs of photographs have some, {figures['inliers_median']:.0f} in "
+        "half of these. Perhaps the photographs hardly turn around the object, or what they share "
+        "is a background that stands still while the object turns; try masks, or cameras "
+        "'calibrate'"
+    )

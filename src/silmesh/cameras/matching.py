@@ -1,0 +1,109 @@
+"""Which features of two photographs are the same point, in a COLMAP database.
+
+Pairs of a still background are left out: a feature that stands at the same pixel in both
+photographs cannot be on an object that turned, nor be seen by a camera that went around it.
+"""
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import PIL.Image  # noqa: F401, before pycolmap, or saving a PNG crashes
+import pycolmap
+
+from silmesh.cameras.features import quieten
+from silmesh.cameras.stages import DATABASE, Report
+from silmesh.errors import InputError
+
+OVERLAP = 10  # neighbours on either side that are matched in an ordered capture
+STILL = 2.0  # pixels that a feature may move and still be of the background
+
+
+def match(
+    database: Path, matching: str, seed: int, threads: int, folder: Path, before: Report
+) -> Report:
+    """Match the features of pairs of photographs, and write them to ``<folder>/database.db``.
+
+    Args:
+        database: of the features, which stays as it is
+        matching: ``exhaustive``: every pair; ``sequential``: neighbours in a closed round
+        seed: of the search for geometries
+        threads: the matches do not depend on it
+
+    Raises:
+        InputError: no two photographs overlap
+    """
+    quieten()
+    shutil.copyfile(database, folder / DATABASE)
+    with pycolmap.Database.open(database) as opened:
+        names = [image.name for image in sorted(opened.read_all_images(), key=_number)]
+    pairs = pair_up(len(names), matching)
+    listed = folder / "pairs.txt"
+    listed.write_text("".join(f"{names[i]} {names[j]}\n" for i, j in pairs))
+    geometry = pycolmap.TwoViewGeometryOptions()
+    geometry.ransac.random_seed = seed
+    geometry.filter_stationary_matches = True
+    geometry.stationary_matches_max_error = STILL
+    pycolmap.match_image_pairs(
+        folder / DATABASE,
+        pycolmap.FeatureMatchingOptions(use_gpu=False, num_threads=threads),
+        pycolmap.ImportedPairingOptions(match_list_path=listed),
+        geometry,
+        pycolmap.Device.cpu,
+    )
+    listed.unlink()
+    return before.tell(**_count_verified(folder / DATABASE, len(pairs)))
+
+
+def pair_up(count: int, matching: str) -> list[tuple[int, int]]:
+    """The pairs to match, of photographs in order.
+
+    Those of an ordered capture are neighbours in a closed round, and others further off at
+    distances that double, which ties the round together.
+    """
+    every = [(i, j) for i in range(count) for j in range(i + 1, count)]
+    if matching == "exhaustive":
+        return every
+    doubled = {2**k for k in range(count.bit_length())}
+    apart = [min(j - i, count - j + i) for i, j in every]
+    return [
+        pair
+        for pair, steps in zip(every, apart, strict=True)
+        if steps <= OVERLAP or steps in doubled
+    ]
+
+
+def _number(image: pycolmap.Image) -> int:
+    return image.image_id
+
+
+def _count_verified(database: Path, tried: int) -> dict[str, object]:
+    """How many pairs have a geometry, and how many matches fit it in the middle of these."""
+    with pycolmap.Database.open(database) as opened:
+        _, geometries = opened.read_two_view_geometries()
+    inliers = [len(g.inlier_matches) for g in geometries]
+    verified = [n for n in inliers if n]
+    if not verified:
+        raise InputError(
+            f"cameras 'colmap': no two photographs overlap: of {tried} pairs none shares features "
+            "that one rigid scene explains. Photographs should follow one another by at most "
+            "20 degrees, be sharp, and show one object; or try cameras 'calibrate'"
+        )
+    return {
+        "pairs": tried,
+        "pairs_verified": len(verified),
+        "inliers_median": float(np.median(verified)),
+    }
+
+
+def linked(database: Path) -> dict[str, int]:
+    """With how many others each photograph has verified matches."""
+    with pycolmap.Database.open(database) as opened:
+        names = {image.image_id: image.name for image in opened.read_all_images()}
+        ids, geometries = opened.read_two_view_geometries()
+    links = dict.fromkeys(names.values(), 0)
+    for pair, geometry in zip(ids, geometries, strict=True):
+        if len(geometry.inlier_matches):
+            for number in pycolmap.pair_id_to_image_pair(pair):
+                links[names[number]] += 1
+    return links

@@ -1,0 +1,28 @@
+"""Find the features of an object's photographs, for structure from motion."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from silmesh.cameras.features import extract
+from silmesh.cameras.stages import Report, make_stage
+from silmesh.steps.command import parser, run
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Parse, call, save."""
+    args = parser(__doc__)
+    args.add_argument("--images", nargs="+", type=Path, required=True, help="the photographs")
+    args.add_argument("--max-size", type=int, default=1600, help="pixels of the longer side")
+    args.add_argument("--features", type=int, default=4096, help="the most of each photograph")
+    args.add_argument("--threads", type=int, default=1)
+    args.add_argument("--output", type=Path, required=True, help="folder to make")
+    given = args.parse_args(argv)
+    make_stage(
+        given.output,
+        Report(),
+        lambda part, _: extract(given.images, given.max_size, given.features, given.threads, part),
+    )
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,29 @@
+"""Find cameras and points from matches: a COLMAP model."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from silmesh.cameras.mapping import MAPPERS, map_views
+from silmesh.cameras.stages import DATABASE, make_stage, read_report
+from silmesh.steps.command import parser, run
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Parse, load, call, save."""
+    args = parser(__doc__)
+    args.add_argument("--matches", type=Path, required=True, help="folder of the matches")
+    args.add_argument("--mapping", choices=list(MAPPERS), required=True)
+    args.add_argument("--seed", type=int, default=0)
+    args.add_argument("--output", type=Path, required=True, help="folder to make")
+    given = args.parse_args(argv)
+    make_stage(
+        given.output,
+        read_report(given.matches),
+        lambda part, report: map_views(
+            given.matches / DATABASE, given.mapping, given.seed, part, report
+        ),
+    )
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,83 @@
+"""Structure from motion by the features on the object alone, unless it went well without."""
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import torch
+
+from silmesh.cameras.attempt import Attempt, read_attempt, write_attempt
+from silmesh.cameras.features import keep_inside
+from silmesh.cameras.mapping import MAPPERS, map_views
+from silmesh.cameras.matching import match
+from silmesh.cameras.stages import DATABASE, make_stage, read_report
+from silmesh.silhouettes import read_silhouettes
+from silmesh.steps.colmap import judge
+from silmesh.steps.command import parser, run
+from silmesh.views import read_views
+
+COHERENT = 0.9  # hull IoU from which cameras that were found without masks are good enough
+SOURCE = "colmap, masked"
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Parse, load, call, save."""
+    args = parser(__doc__)
+    args.add_argument("--features", type=Path, required=True, help="folder of all features")
+    args.add_argument("--unmasked", type=Path, help="the attempt without masks")
+    args.add_argument("--views", type=Path, required=True, help="folder of the working images")
+    args.add_argument("--silhouettes", type=Path, required=True, help="folder of the silhouettes")
+    args.add_argument("--matching", choices=["exhaustive", "sequential"], required=True)
+    args.add_argument("--mapping", choices=list(MAPPERS), required=True)
+    args.add_argument("--seed", type=int, default=0)
+    args.add_argument("--threads", type=int, default=torch.get_num_threads())
+    args.add_argument("--output", type=Path, required=True, help="folder to make")
+    given = args.parse_args(argv)
+    torch.set_num_threads(given.threads)
+    attempt = _good_enough(given.unmasked)
+    if attempt is None:
+        views = read_views(given.views)
+        seen = read_silhouettes(given.silhouettes, [view.view for view in views])
+        with TemporaryDirectory(dir=given.output.parent, prefix=".part-") as scratch:
+            inside, matches, model = (Path(scratch) / name for name in ("f", "m", "s"))
+            make_stage(
+                inside,
+                read_report(given.features),
+                lambda part, report: keep_inside(
+                    given.features / DATABASE, views, seen, part, report
+                ),
+            )
+            make_stage(
+                matches,
+                read_report(inside),
+                lambda part, report: match(
+                    inside / DATABASE, given.matching, given.seed, given.threads, part, report
+                ),
+            )
+            make_stage(
+                model,
+                read_report(matches),
+                lambda part, report: map_views(
+                    matches / DATABASE, given.mapping, given.seed, part, report
+                ),
+            )
+            attempt = judge(SOURCE, model, views, given.silhouettes)
+    for line in (*attempt.warnings, *filter(None, [attempt.refusal])):
+        print(f"silmesh: {line}", file=sys.stderr)
+    write_attempt(given.output, attempt)
+
+
+def _good_enough(unmasked: Path | None) -> Attempt | None:
+    """What stands for an attempt that is not needed."""
+    if unmasked is None:
+        return None
+    coherence = read_attempt(unmasked).figures.get("coherence", 0.0)
+    if coherence < COHERENT:
+        return None
+    why = f"not tried, for without masks the hull IoU is {coherence:.3f}"
+    return Attempt(SOURCE, None, refusal=why)
+
+
+if __name__ == "__main__":
+    run(main)

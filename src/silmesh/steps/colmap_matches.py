@@ -1,0 +1,30 @@
+"""Match the features of an object's photographs."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from silmesh.cameras.matching import match
+from silmesh.cameras.stages import DATABASE, make_stage, read_report
+from silmesh.steps.command import parser, run
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Parse, load, call, save."""
+    args = parser(__doc__)
+    args.add_argument("--features", type=Path, required=True, help="folder of the features")
+    args.add_argument("--matching", choices=["exhaustive", "sequential"], required=True)
+    args.add_argument("--seed", type=int, default=0)
+    args.add_argument("--threads", type=int, default=1)
+    args.add_argument("--output", type=Path, required=True, help="folder to make")
+    given = args.parse_args(argv)
+    make_stage(
+        given.output,
+        read_report(given.features),
+        lambda part, report: match(
+            given.features / DATABASE, given.matching, given.seed, given.threads, part, report
+        ),
+    )
+
+
+if __name__ == "__main__":
+    run(main)

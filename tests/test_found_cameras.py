@@ -1,0 +1,121 @@
+"""Cameras found from made-up photographs, on a table that turns and before a wall that does not."""
+
+import json
+
+import numpy as np
+import pytest
+import torch
+from scenes import save
+
+from silmesh.cameras.attempt import read_attempt
+from silmesh.cameras.camera import read_cameras
+from silmesh.cameras.upright import azimuths
+from silmesh.steps import (
+    calibrate,
+    colmap,
+    colmap_features,
+    colmap_map,
+    colmap_masked,
+    colmap_matches,
+    scene,
+    silhouettes,
+    views,
+)
+from silmesh.synthetic.make import find_paint, make_object
+from silmesh.synthetic.scenery import (
+    photograph_before_wall,
+    photograph_on_table,
+    read_scan,
+    stand_upright,
+    texture_paint,
+)
+from silmesh.synthetic.turntable import photograph_cameras
+
+pytestmark = pytest.mark.slow
+SURROUNDINGS = {"table": photograph_on_table, "wall": photograph_before_wall}
+
+
+def call(module, **options):
+    """``main`` with options by their names; a list becomes several values."""
+    argv = []
+    for name, value in options.items():
+        values = value if isinstance(value, list) else [value]
+        argv += [f"--{name.replace('_', '-')}", *map(str, values)]
+    module.main(argv)
+
+
+def find(mesh, paint, surroundings, count, size, out):
+    """The scene of `cameras: auto`, and the true cameras."""
+    truth = photograph_cameras([f"v{i:02d}" for i in range(count)], size, elevation=20)
+    images, masks = [], []
+    pictures = SURROUNDINGS[surroundings](mesh, truth, paint)
+    for view, (image, mask) in zip(truth.views, pictures, strict=True):
+        images.append(save(out / "images" / f"{view}.png", image))
+        masks.append(save(out / "masks" / f"{view}.png", mask))
+    seen = {"views": out / "views", "silhouettes": out / "silhouettes"}
+    call(views, images=images, size=128, resize="pad", output=out / "views")
+    call(silhouettes, views=out / "views", source="mask", masks=masks, output=out / "silhouettes")
+    call(colmap_features, images=images, threads=2, output=out / "features")
+    how = {"matching": "exhaustive", "threads": 2}
+    call(colmap_matches, features=out / "features", **how, output=out / "matches")
+    call(colmap_map, matches=out / "matches", mapping="incremental", output=out / "model")
+    call(colmap, model=out / "model", **seen, output=out / "colmap")
+    call(
+        colmap_masked,
+        features=out / "features",
+        unmasked=out / "colmap",
+        mapping="incremental",
+        **how,
+        **seen,
+        output=out / "masked",
+    )
+    call(calibrate, **seen, step=360 / count, output=out / "calibrate")
+    attempts = [out / name for name in ("colmap", "masked", "calibrate")]
+    call(scene, cameras=attempts, **seen, output=out / "scene")
+    return read_cameras(out / "scene" / "cameras.json"), truth
+
+
+def check_angles(found, truth):
+    """All views are there, and turned by what they are to half a degree."""
+    assert found.views == truth.views
+    off = azimuths(found.R) - azimuths(truth.R)
+    off = torch.remainder(off - off[0] + 180, 360) - 180
+    assert (off - off.median()).abs().max() < 0.5
+    assert (-found.R[:, 1, 1]).min() > 0.9  # upright
+
+
+def test_an_object_on_a_patterned_table_is_found_by_colmap(tmp_path):
+    mesh = make_object("bear")
+    found, truth = find(mesh, find_paint("bear"), "table", 24, (400, 300), tmp_path)
+    check_angles(found, truth)  # whichever was more coherent
+    attempt = read_attempt(tmp_path / "colmap")
+    check_angles(attempt.cameras, truth)
+    assert attempt.figures["coherence"] > 0.95
+    assert "not tried" in read_attempt(tmp_path / "masked").refusal
+
+
+def test_an_object_before_a_still_wall_is_not_taken_for_the_wall(tmp_path):
+    mesh = make_object("bear")
+    found, truth = find(mesh, find_paint("bear"), "wall", 24, (400, 300), tmp_path)
+    told = json.loads((tmp_path / "scene" / "scene.json").read_text())
+    assert told["hull_iou_mean"] > 0.95
+    check_angles(found, truth)
+    refusal = read_attempt(tmp_path / "colmap").refusal
+    assert told["cameras"] == "colmap" or "cameras 'colmap'" in refusal
+
+
+@pytest.mark.data
+@pytest.mark.parametrize("surroundings", list(SURROUNDINGS))
+@pytest.mark.parametrize(("name", "up"), [("blue_cup", 2), ("shampoo", 1)])
+def test_the_scans(data, tmp_path, name, up, surroundings):
+    mesh = stand_upright(read_scan(data / "scans" / f"{name}.glb"), up)
+    found, truth = find(mesh, texture_paint(mesh), surroundings, 36, (640, 480), tmp_path)
+    check_angles(found, truth)
+    told = json.loads((tmp_path / "scene" / "scene.json").read_text())
+    attempt = read_attempt(tmp_path / "colmap")
+    if surroundings == "table":
+        check_angles(attempt.cameras, truth)
+    else:
+        assert told["cameras"] == "calibrate"
+        assert attempt.refusal
+    assert np.min(list(told["hull_iou"].values())) > 0.9
