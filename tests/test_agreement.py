@@ -5,6 +5,7 @@ from scenes import silhouettes, turntable
 from silmesh.agreement import Placed, choose, place, refuse_incoherent
 from silmesh.cameras.attempt import Attempt
 from silmesh.cameras.camera import Similarity
+from silmesh.straighten import Straightened
 
 SIZE, AXES, CENTRE = 64, [0.45, 0.2, 0.15], [0.05, 0.1, 0]
 
@@ -38,7 +39,8 @@ def test_cameras_that_do_not_turn_are_refused(ring):
 
 def placed(ring, count, mean):
     cameras = ring[0].select(range(count))
-    return Placed(cameras, Similarity.identity(), np.full(count, mean))
+    straight = Straightened(cameras, {}, 0.0)
+    return Placed(cameras, straight, Similarity.identity(), np.full(count, mean))
 
 
 A, B = Attempt("colmap", None, "12 of 36 views"), Attempt("calibrate", None)

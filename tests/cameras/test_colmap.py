@@ -9,6 +9,7 @@ from scenes import names, turntable
 from scipy.spatial.transform import Rotation
 
 from silmesh.cameras.colmap import attempt_model, in_order
+from silmesh.cameras.lens import Lens
 from silmesh.cameras.stages import Report
 from silmesh.views import place_view
 
@@ -98,8 +99,7 @@ def test_the_world_is_upright_and_its_first_camera_over_z(tmp_path):
 def test_the_lens_is_kept(tmp_path):
     write_model(tmp_path / "m", turntable(COUNT, SIZE), k=0.05)
     attempt = attempt_model("colmap", tmp_path / "m", report(), all_views())
-    lens = attempt.figures["lens_parameters"]["1"]
-    assert lens == {"model": "SIMPLE_RADIAL", "params": [FOCAL, *CENTRE, 0.05]}
+    assert attempt.cameras.lenses == (Lens("SIMPLE_RADIAL", (0.05,)),) * COUNT
 
 
 def test_views_without_a_camera_are_dropped_with_the_reason(tmp_path):
