@@ -306,9 +306,16 @@ def test_a_lens_is_taken_away_in_the_scene(results, tmp_path):
         agreement.append((seen & expected).sum() / (seen | expected).sum())
     assert agreement[0] < 0.93
     assert agreement[1] > 0.94
-    pixels = np.asarray(Image.open(tmp_path / "scene" / "views" / "v1.png").convert("L"))
-    shown = pixels > pixels.max() / 2
-    assert (shown & seen[1]).sum() / (shown | seen[1]).sum() > 0.95
+    shown = [bright(folder / "views" / "v1.png") for folder in (tmp_path, tmp_path / "scene")]
+    agreement = [(s & seen[1]).sum() / (s | seen[1]).sum() for s in shown]
+    assert agreement[0] < 0.88
+    assert agreement[1] > 0.92  # of 189 pixels the edge's are resampled three times
+
+
+def bright(path):
+    """What is at least half as bright in a picture as it gets."""
+    pixels = np.asarray(Image.open(path).convert("L"))
+    return pixels > pixels.max() / 2
 
 
 def bend(old, new, K, lens):
