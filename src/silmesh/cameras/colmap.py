@@ -1,6 +1,6 @@
 """An attempt at cameras from a COLMAP model: into our world, and past the gates.
 
-The thresholds were set by real photographs and made-up scenes, see ``docs/cameras.md``.
+What is known of the thresholds is in ``docs/cameras.md``.
 """
 
 from collections.abc import Sequence
