@@ -5,7 +5,8 @@ import torch
 
 from silmesh.cameras.turntable import softras_cameras, turntable_cameras
 from silmesh.evaluation import coherence
-from silmesh.fitting.loop import Settings, fit
+from silmesh.fitting.loop import run
+from silmesh.fitting.softras import Settings, SoftRas
 from silmesh.hull import carve
 from silmesh.meshes import to_tensors
 from silmesh.shapes.first import first_mesh
@@ -53,7 +54,7 @@ def losses(scene, vertices, align, iterations=1):
     torch.set_num_threads(2)
     first = to_tensors(first_mesh("sphere", vertices, align, seen))
     settings = Settings(iterations, **PRESET)
-    _, records = fit(*first, cameras, torch.tensor(seen, dtype=torch.float32), settings)
+    records = run(SoftRas(*first, cameras, torch.tensor(seen, dtype=torch.float32), settings))
     return [record.iou_loss for record in records]
 
 

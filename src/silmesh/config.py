@@ -12,9 +12,12 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 from pydantic import (
     BaseModel,
     ConfigDict,
+    Discriminator,
     Field,
     StringConstraints,
+    Tag,
     ValidationError,
+    ValidationInfo,
     field_validator,
     model_validator,
 )
@@ -48,6 +51,7 @@ Positive = Annotated[
 ]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False), "a number, 0 or above"]
 Momentum = Annotated[float, Field(ge=0, lt=1)]
+Betas = Annotated[tuple[Momentum, Momentum], "two numbers, each 0 or above and below 1"]
 Pixels = _whole(16, 4096)
 
 
@@ -63,9 +67,9 @@ class _Section(BaseModel):
 
     @field_validator("*", mode="before")
     @classmethod
-    def _refuse_truth(cls, value: Any) -> Any:
-        if isinstance(value, bool):
-            raise ValueError("no key takes true or false, which would pass for 1 or 0")
+    def _refuse_truth(cls, value: Any, info: ValidationInfo) -> Any:
+        if isinstance(value, bool) != (cls.model_fields[info.field_name].annotation is bool):
+            raise ValueError("true or false, which would pass for 1 or 0, or these for them")
         return value
 
 
@@ -106,19 +110,12 @@ class Weights(_Section):
     flatten: NotNegative = Field(0.0003, description="of the flatten term")
 
 
-class Fit(_Section):
-    """The fit."""
+class _Fit(_Section):
+    """What both presets have."""
 
-    preset: Literal["softras"] = Field("softras", description="the report's procedure")
-    iterations: _whole(1, 1_000_000) = Field(2000, description="steps")
-    learning_rate: Positive = Field(0.01, description="Adam's")
-    betas: Annotated[tuple[Momentum, Momentum], "two numbers, each 0 or above and below 1"] = Field(
-        (0.5, 0.99), description="Adam's"
+    preset: Literal["softras", "fast"] = Field(
+        "fast", description="fast: ours; softras: the report's procedure to the letter"
     )
-    sigma: Positive = Field(
-        1e-4, description="softness of the silhouettes, in squared half-image units"
-    )
-    weights: Weights = Field(Weights(), description="of the smoothness terms")
     holdout: Literal[0] | _whole(
         2, 10_000
     ) = Field(0, description="every n-th view is kept out of the fit; 0 for none")
@@ -130,6 +127,57 @@ class Fit(_Section):
     )
 
 
+class SoftRasFit(_Fit):
+    """The report's procedure."""
+
+    iterations: _whole(1, 1_000_000) = Field(2000, description="steps")
+    learning_rate: Positive = Field(0.01, description="Adam's")
+    betas: Betas = Field((0.5, 0.99), description="Adam's")
+    sigma: Positive = Field(
+        1e-4, description="softness of the silhouettes, in squared half-image units"
+    )
+    weights: Weights = Field(Weights(), description="of the smoothness terms")
+
+
+class FastWeights(_Section):
+    """Weights of the smoothness terms, summed over the mesh."""
+
+    laplacian: NotNegative = Field(0.3, description="of the Laplacian term")
+    flatten: NotNegative = Field(0.0001, description="of the flatten term")
+
+
+class FastFit(_Fit):
+    """Our procedure: ``silmesh.fitting.fast``."""
+
+    iterations: _whole(1, 1_000_000) = Field(600, description="steps at most")
+    learning_rate: Positive = Field(0.5, description="the longest step of a vertex, in pixels")
+    betas: Betas = Field((0.9, 0.999), description="of the vertices' Adam")
+    sigma: Positive | Literal["auto"] = Field(
+        "auto", description="as for softras, of the last steps; auto is 0.15 pixels squared"
+    )
+    weights: FastWeights = Field(FastWeights(), description="of the smoothness terms")
+    smoothing: NotNegative = Field(
+        3.0, description="how far a step spreads over the mesh, in squared edges"
+    )
+    batch: _whole(0, 10_000) = Field(12, description="views in a step; 0 for all")
+    coarse_to_fine: bool = Field(True, description="begin with smaller, softer images")
+    refine_cameras: bool = Field(True, description="correct the cameras alongside")
+    remesh: bool = Field(True, description="give the mesh new edges when they are uneven")
+
+
+def _preset_of(fit: Any) -> str:
+    """Which of the two models a fit is of; what is no preset is refused by either."""
+    preset = fit.get("preset") if isinstance(fit, Mapping) else getattr(fit, "preset", None)
+    return "softras" if preset == "softras" else "fast"
+
+
+FITS = {"softras": SoftRasFit, "fast": FastFit}
+Fit = Annotated[
+    Annotated[SoftRasFit, Tag("softras")] | Annotated[FastFit, Tag("fast")],
+    Discriminator(_preset_of),
+]
+
+
 class Variant(_Section):
     """An experiment: what it does otherwise than the object's row and the run say."""
 
@@ -137,7 +185,7 @@ class Variant(_Section):
     cameras: CameraSource | None = Field(None, description="overrides the object's row")
     views: ViewsOverride = Field(ViewsOverride(), description="overrides the run's views")
     init: Init = Field(Init(), description="the first mesh")
-    fit: Fit = Field(Fit(), description="the fit")
+    fit: Fit = Field(FastFit(), description="the fit")
 
 
 class Config(_Section):
@@ -182,7 +230,7 @@ def _explain(error: Mapping[str, Any], values: Mapping[str, Any]) -> str:
     path = ".".join(map(str, keys)) or "all of it"
     if error["type"] == "extra_forbidden":
         unknown = error["loc"][-1]
-        path = ".".join(map(str, error["loc"]))
+        path = ".".join(map(str, [*keys, unknown]))
         return f"{path}: unknown key; {_nearest(str(unknown), list(schema.model_fields))}"
     if error["type"] == "missing" and keys == list(error["loc"]):
         return f"{path}: is missing; should be {_in_words(schema)}"
@@ -198,6 +246,9 @@ def _follow(path: Sequence[str | int], values: Any) -> tuple[list[str | int], An
     """
     keys, schema = [], Config
     for part in path:
+        if schema is Fit and part in FITS:  # the preset, which pydantic names as if it were a key
+            schema = FITS[part]
+            continue
         if (inside := _schema_of(part, schema)) is None:
             break
         keys.append(part)
@@ -219,6 +270,10 @@ def _schema_of(key: str | int, schema: Any) -> Any:
 
 def _in_words(schema: Any) -> str:
     """What a value of this part of the schema should be."""
+    if schema is bool:
+        return "true or false"
+    if schema is Fit:
+        schema = FastFit
     if get_origin(schema) is Annotated:
         return next(part for part in get_args(schema) if isinstance(part, str))
     if get_origin(schema) is Literal:

@@ -23,6 +23,8 @@ from silmesh.config import Config, Fit, Init, Variant, Views, parse_config
 from silmesh.datasets import Dataset, Turntable, read_datasets, resolve_cameras
 from silmesh.errors import InputError
 
+SOFTNESS = 0.15  # pixels: the root of sigma where it is `auto`
+
 
 @dataclass(frozen=True)
 class Run:
@@ -173,4 +175,7 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
             "or lacks a number; should be distance,elevation,step, for example 2.732,0,5; "
             "cameras 'calibrate' finds what is not known"
         )
-    return Run(dataset, name, views, silhouettes, cameras, variant.init, variant.fit)
+    fit = variant.fit
+    if fit.sigma == "auto":
+        fit = fit.model_copy(update={"sigma": (2 * SOFTNESS / views.size) ** 2})
+    return Run(dataset, name, views, silhouettes, cameras, variant.init, fit)
