@@ -30,7 +30,7 @@ def test_defaults():
     assert config.views == Views(size=256, resize="pad")
     assert (fit.preset, fit.iterations, fit.learning_rate) == ("fast", 600, 0.5)
     assert (fit.betas, fit.sigma, fit.holdout) == ((0.9, 0.999), "auto", 0)
-    assert (fit.weights.laplacian, fit.weights.flatten) == (0.3, 0.0001)
+    assert (fit.weights.laplacian, fit.weights.flatten) == (0.1, 0.00005)
     assert (init.shape, init.vertices, init.align) == ("sphere", "auto", "bbox")
     assert config.variants["a"].silhouettes is None
     assert config.variants["a"].views.size is None
@@ -53,7 +53,7 @@ def test_the_designs_example_is_right():
     assert list(config.variants) == ["uninitialised", "other"]
     assert config.variants["uninitialised"].init.vertices == 1352
     assert config.variants["other"].fit.learning_rate == 0.001  # YAML reads 1e-3 as a string
-    assert config.variants["other"].fit.weights.flatten == 0.0001
+    assert config.variants["other"].fit.weights.flatten == 0.00005
 
 
 @pytest.mark.parametrize(

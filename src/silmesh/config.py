@@ -142,8 +142,8 @@ class SoftRasFit(_Fit):
 class FastWeights(_Section):
     """Weights of the smoothness terms, summed over the mesh."""
 
-    laplacian: NotNegative = Field(0.3, description="of the Laplacian term")
-    flatten: NotNegative = Field(0.0001, description="of the flatten term")
+    laplacian: NotNegative = Field(0.1, description="of the Laplacian term")
+    flatten: NotNegative = Field(0.00005, description="of the flatten term")
 
 
 class FastFit(_Fit):
@@ -153,11 +153,11 @@ class FastFit(_Fit):
     learning_rate: Positive = Field(0.5, description="the longest step of a vertex, in pixels")
     betas: Betas = Field((0.9, 0.999), description="of the vertices' Adam")
     sigma: Positive | Literal["auto"] = Field(
-        "auto", description="as for softras, of the last steps; auto is 0.15 pixels squared"
+        "auto", description="as for softras, of the last steps; auto is 0.12 pixels squared"
     )
     weights: FastWeights = Field(FastWeights(), description="of the smoothness terms")
     smoothing: NotNegative = Field(
-        3.0, description="how far a step spreads over the mesh, in squared edges"
+        1.0, description="how far a step spreads over the mesh, in squared edges"
     )
     batch: _whole(0, 10_000) = Field(12, description="views in a step; 0 for all")
     coarse_to_fine: bool = Field(True, description="begin with smaller, softer images")

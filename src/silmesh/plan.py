@@ -23,7 +23,7 @@ from silmesh.config import Config, Fit, Init, Variant, Views, parse_config
 from silmesh.datasets import Dataset, Turntable, read_datasets, resolve_cameras
 from silmesh.errors import InputError
 
-SOFTNESS = 0.15  # pixels: the root of sigma where it is `auto`
+SOFTNESS = 0.12  # pixels: the root of sigma where it is `auto`
 
 
 @dataclass(frozen=True)

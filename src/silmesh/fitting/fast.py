@@ -1,7 +1,7 @@
 """Our own fit: from coarse to fine, by smooth steps, with the cameras refined alongside.
 
 What is counted in pixels is so in those of the level that is fitted, whose images are 1/2^k of the
-working images. A step sees one batch of views, spread evenly; a round is a step of each batch. When
+working images. A step sees one batch of views, spread evenly; a round is some of each batch. When
 a round's loss is hardly lower than the best before, steps are halved; when they have been halved
 often enough, the level is done.
 """
@@ -30,7 +30,7 @@ CAMERA_BETAS = (0.9, 0.99)
 NEAR = 0.25  # loss of a round from which on the mesh tells something about the cameras
 LEVELLED = 0.01  # a round that lowers the loss by a smaller share than this halves the steps
 HALVINGS = 3  # of the steps, after which a level is done
-FULL_ROUND = 4  # steps of a round if every step sees all views
+ROUND = 6  # steps of a round at least
 STRETCHED = 0.35  # standard deviation of the edges' lengths over their mean that asks for new edges
 FINER = 0.7  # mean of the edges over their wished length that does so, too
 SHORTEST = 1.0  # pixels of the working images: no edge is wished shorter
@@ -91,7 +91,7 @@ class Fast:
         self._told, self._weights = settings, weights
         self._levels = levels_of(cameras, silhouettes, settings.sigma, settings.coarse_to_fine)
         self._batches = math.ceil(len(cameras) / (settings.batch or len(cameras)))
-        self._round = self._batches if self._batches > 1 else FULL_ROUND
+        self._round = self._batches * math.ceil(ROUND / self._batches)
         self._refinement = Refinement(cameras)
         self._corrections = self._refinement.start().requires_grad_()
         self._adam = torch.optim.Adam([self._corrections], CAMERA_STEP, CAMERA_BETAS)
