@@ -14,10 +14,11 @@ import torch
 import trimesh
 
 from silmesh.cameras.camera import Cameras
-from silmesh.config import FastFit
+from silmesh.config import FastFit, SoftRasFit
 from silmesh.evaluation import silhouette_iou, summarise_iou
+from silmesh.fitting import softras
 from silmesh.fitting.fast import Fast, Settings
-from silmesh.fitting.loop import run
+from silmesh.fitting.loop import Procedure, run
 from silmesh.hull import carve
 from silmesh.meshes import to_tensors
 from silmesh.plan import SOFTNESS
@@ -40,12 +41,12 @@ LEVEL = 0.13  # the IoU loss at which the report's procedure ends on its moistur
 THIN = 15.0  # degrees
 
 
-def default_settings(size: int) -> dict:
-    """The numbers of the preset."""
-    fit = FastFit()
-    told = {name: getattr(fit, name, None) for name in Settings.__dataclass_fields__}
-    sigma = (2 * SOFTNESS / size) ** 2
-    return told | {"sigma": sigma} | fit.weights.model_dump()
+def default_settings(fit: FastFit | SoftRasFit, kind: type, size: int) -> dict:
+    """The numbers of a preset."""
+    told = {name: getattr(fit, name, None) for name in kind.__dataclass_fields__}
+    if told["sigma"] == "auto":
+        told["sigma"] = (2 * SOFTNESS / size) ** 2
+    return told | fit.weights.model_dump()
 
 
 def make_first(shape: str, cameras: Cameras, seen: np.ndarray, verts: int) -> trimesh.Trimesh:
@@ -58,17 +59,19 @@ def make_first(shape: str, cameras: Cameras, seen: np.ndarray, verts: int) -> tr
     return trimesh.Trimesh(2 * points, faces, process=False)
 
 
-def measure(first: trimesh.Trimesh, scene: tuple, told: dict, out: list[int]) -> dict:
+def measure(
+    procedure: type[Procedure], first: trimesh.Trimesh, scene: tuple, told: object, out: list[int]
+) -> dict:
     """One fit: how good, how long."""
     cameras, seen = scene
     kept = sorted(set(range(len(cameras))) - set(out))
     silhouettes = torch.tensor(seen[kept], dtype=torch.float32)
     wall, cpu = time.perf_counter(), time.process_time()
-    fit = Fast(*to_tensors(first), cameras.select(kept), silhouettes, Settings(**told))
+    fit = procedure(*to_tensors(first), cameras.select(kept), silhouettes, told)
     records = run(fit)
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     refined = fit.correct(cameras, kept)
-    iou = silhouette_iou(fit.verts, fit.faces, refined, seen, told["sigma"])
+    iou = silhouette_iou(fit.verts, fit.faces, refined, seen, told.sigma)
     mesh = trimesh.Trimesh(fit.verts.numpy(), fit.faces.numpy(), process=False)
     angles = np.degrees(mesh.face_angles).min(axis=1)
     return summarise_iou(iou, out) | {
@@ -89,6 +92,7 @@ def main() -> None:
     args.add_argument("--shape", choices=["hull", "sphere"], default="hull")
     args.add_argument("--vertices", type=int, default=1352)
     args.add_argument("--holdout", type=int, default=0)
+    args.add_argument("--softras", action="store_true", help="the report's fit, too, of a sphere")
     args.add_argument("--threads", type=int, default=torch.get_num_threads())
     given = args.parse_args()
     torch.set_num_threads(given.threads)
@@ -97,8 +101,16 @@ def main() -> None:
     out = held_out(len(cameras), given.holdout)
     kept = sorted(set(range(len(cameras))) - set(out))
     first = make_first(given.shape, cameras.select(kept), seen[kept], given.vertices)
-    told = default_settings(seen.shape[1])
-    rows = {name: measure(first, (cameras, seen), told | part, out) for name, part in PARTS.items()}
+    told = default_settings(FastFit(), Settings, seen.shape[1])
+    rows = {
+        name: measure(Fast, first, (cameras, seen), Settings(**told | part), out)
+        for name, part in PARTS.items()
+    }
+    if given.softras:
+        told = default_settings(SoftRasFit(), softras.Settings, seen.shape[1])
+        kind = softras.Settings(**told)
+        sphere = unit_sphere(given.vertices)
+        rows["softras"] = measure(softras.SoftRas, sphere, (cameras, seen), kind, out)
     print(json.dumps(rows, indent=1))
 
 

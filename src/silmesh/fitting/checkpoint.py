@@ -12,6 +12,8 @@ from torch import Tensor
 from silmesh.cameras.camera import Cameras
 from silmesh.files import remove, replacing
 
+EVERY = 5.0  # seconds between writes
+
 
 class Checkpoint:
     """The last state of one fit, written every few seconds.
@@ -23,8 +25,8 @@ class Checkpoint:
         every: seconds between writes
     """
 
-    def __init__(self, path: Path, of: Sequence[Any], every: float = 5.0):
-        self._path, self._every = path, every
+    def __init__(self, path: Path, of: Sequence[Any], every: float | None = None):
+        self._path, self._every = path, EVERY if every is None else every
         self._digest = _digest(of)
         self._last = time.monotonic()
 

@@ -38,10 +38,9 @@ def _boxes(points: Tensor) -> Tensor:
 
 
 def _boxes_of(silhouettes: Tensor) -> Tensor:
-    """Least and greatest x and y of the silhouettes' pixels: [views, 2, 2]."""
-    return torch.stack(
-        [_boxes((s.nonzero().flip(1) + 0.5).unsqueeze(0))[0] for s in silhouettes > 0.5]
-    )
+    """Least and greatest x and y of the silhouettes: [views, 2, 2]."""
+    corners = torch.stack([_boxes(s.nonzero().flip(1).unsqueeze(0))[0] for s in silhouettes > 0.5])
+    return corners + torch.tensor([[0.0], [1.0]], device=corners.device)
 
 
 def _diagonals(boxes: Tensor) -> Tensor:

@@ -41,6 +41,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     template, faces = (part.to(device) for part in to_tensors(read_mesh(given.first)))
     parts = template, faces, cameras.select(kept), silhouettes.to(device, torch.float32), settings
     checkpoint = given.checkpoint and Checkpoint(given.checkpoint, (*parts, given.code))
+    if checkpoint and checkpoint.read():
+        print(f"{given.name}: goes on from {given.checkpoint}")
     progress = Progress(given.name, settings.iterations)
     with blaming(given.name):
         fit = procedure(*parts)
