@@ -28,9 +28,9 @@ def test_defaults():
     fit, init = config.variants["a"].fit, config.variants["a"].init
     assert config.datasets == Path("t.tsv")
     assert config.views == Views(size=256, resize="pad")
-    assert (fit.preset, fit.iterations, fit.learning_rate) == ("softras", 2000, 0.01)
-    assert (fit.betas, fit.sigma, fit.holdout) == ((0.5, 0.99), 1e-4, 0)
-    assert (fit.weights.laplacian, fit.weights.flatten) == (0.03, 0.0003)
+    assert (fit.preset, fit.iterations, fit.learning_rate) == ("fast", 600, 0.5)
+    assert (fit.betas, fit.sigma, fit.holdout) == ((0.9, 0.999), "auto", 0)
+    assert (fit.weights.laplacian, fit.weights.flatten) == (0.1, 0.00005)
     assert (init.shape, init.vertices, init.align) == ("sphere", "auto", "bbox")
     assert config.variants["a"].silhouettes is None
     assert config.variants["a"].views.size is None
@@ -53,7 +53,7 @@ def test_the_designs_example_is_right():
     assert list(config.variants) == ["uninitialised", "other"]
     assert config.variants["uninitialised"].init.vertices == 1352
     assert config.variants["other"].fit.learning_rate == 0.001  # YAML reads 1e-3 as a string
-    assert config.variants["other"].fit.weights.flatten == 0.0003
+    assert config.variants["other"].fit.weights.flatten == 0.00005
 
 
 @pytest.mark.parametrize(
@@ -134,7 +134,9 @@ def test_every_unknown_key_has_its_line():
         ("fit: {holdout: 1}", "fit.holdout", "0 or a whole number from 2", "1"),
         ("fit: {holdout: -2}", "fit.holdout", "0 or a whole number from 2", "-2"),
         ("fit: {device: gpu}", "fit.device", "'cpu', 'cuda' or 'auto'", "'gpu'"),
-        ("fit: {preset: fast}", "fit.preset", "'softras'", "'fast'"),
+        ("fit: {preset: quick}", "fit.preset", "'softras' or 'fast'", "'quick'"),
+        ("fit: {remesh: 1}", "fit.remesh", "true or false", "1"),
+        ("fit: {preset: softras, sigma: auto}", "fit.sigma", "a number above 0", "'auto'"),
         ("views: {size: 8}", "views.size", "from 16 to 4,096", "8"),
         ("views: {resize: crop}", "views.resize", "'pad' or 'stretch'", "'crop'"),
         ("silhouettes: masks", "silhouettes", "'mask', 'alpha' or 'threshold'", "'masks'"),

@@ -6,7 +6,8 @@ import torch
 from silmesh.cameras.formats import attempt_from_file
 from silmesh.cameras.turntable import softras_cameras, turntable_cameras
 from silmesh.evaluation import coherence
-from silmesh.fitting.loop import Settings, fit
+from silmesh.fitting.loop import run
+from silmesh.fitting.softras import Settings, SoftRas
 from silmesh.hull import carve
 from silmesh.meshes import to_tensors
 from silmesh.scene import normalising
@@ -55,7 +56,7 @@ def losses(scene, vertices, align, iterations=1):
     torch.set_num_threads(2)
     first = to_tensors(first_mesh("sphere", vertices, align, seen))
     settings = Settings(iterations, **PRESET)
-    _, records = fit(*first, cameras, torch.tensor(seen, dtype=torch.float32), settings)
+    records = run(SoftRas(*first, cameras, torch.tensor(seen, dtype=torch.float32), settings))
     return [record.iou_loss for record in records]
 
 

@@ -12,8 +12,10 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 from pydantic import (
     BaseModel,
     ConfigDict,
+    Discriminator,
     Field,
     StringConstraints,
+    Tag,
     ValidationError,
     ValidationInfo,
     field_validator,
@@ -49,6 +51,7 @@ Positive = Annotated[
 ]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False), "a number, 0 or above"]
 Momentum = Annotated[float, Field(ge=0, lt=1)]
+Betas = Annotated[tuple[Momentum, Momentum], "two numbers, each 0 or above and below 1"]
 Pixels = _whole(16, 4096)
 Truth = Annotated[bool, Field(strict=True), "true or false"]
 Seed = _whole(0, 2**31 - 1)  # COLMAP's are C++'s int
@@ -168,19 +171,12 @@ class Weights(_Section):
     flatten: NotNegative = Field(0.0003, description="of the flatten term")
 
 
-class Fit(_Section):
-    """The fit."""
+class _Fit(_Section):
+    """What both presets have."""
 
-    preset: Literal["softras"] = Field("softras", description="the report's procedure")
-    iterations: _whole(1, 1_000_000) = Field(2000, description="steps")
-    learning_rate: Positive = Field(0.01, description="Adam's")
-    betas: Annotated[tuple[Momentum, Momentum], "two numbers, each 0 or above and below 1"] = Field(
-        (0.5, 0.99), description="Adam's"
+    preset: Literal["softras", "fast"] = Field(
+        "fast", description="fast: ours; softras: the report's procedure to the letter"
     )
-    sigma: Positive = Field(
-        1e-4, description="softness of the silhouettes, in squared half-image units"
-    )
-    weights: Weights = Field(Weights(), description="of the smoothness terms")
     holdout: Literal[0] | _whole(
         2, 10_000
     ) = Field(0, description="every n-th view is kept out of the fit; 0 for none")
@@ -190,6 +186,57 @@ class Fit(_Section):
     device: Literal["cpu", "cuda", "auto"] = Field(
         "auto", description="auto takes the GPU if there is one"
     )
+
+
+class SoftRasFit(_Fit):
+    """The report's procedure."""
+
+    iterations: _whole(1, 1_000_000) = Field(2000, description="steps")
+    learning_rate: Positive = Field(0.01, description="Adam's")
+    betas: Betas = Field((0.5, 0.99), description="Adam's")
+    sigma: Positive = Field(
+        1e-4, description="softness of the silhouettes, in squared half-image units"
+    )
+    weights: Weights = Field(Weights(), description="of the smoothness terms")
+
+
+class FastWeights(_Section):
+    """Weights of the smoothness terms, summed over the mesh."""
+
+    laplacian: NotNegative = Field(0.1, description="of the Laplacian term")
+    flatten: NotNegative = Field(0.00005, description="of the flatten term")
+
+
+class FastFit(_Fit):
+    """Our procedure: ``silmesh.fitting.fast``."""
+
+    iterations: _whole(1, 1_000_000) = Field(600, description="steps at most")
+    learning_rate: Positive = Field(0.5, description="the longest step of a vertex, in pixels")
+    betas: Betas = Field((0.9, 0.999), description="of the vertices' Adam")
+    sigma: Positive | Literal["auto"] = Field(
+        "auto", description="as for softras, of the last steps; auto is 0.12 pixels squared"
+    )
+    weights: FastWeights = Field(FastWeights(), description="of the smoothness terms")
+    smoothing: NotNegative = Field(
+        1.0, description="how far a step spreads over the mesh, in squared edges"
+    )
+    batch: _whole(0, 10_000) = Field(12, description="views in a step; 0 for all")
+    coarse_to_fine: Truth = Field(True, description="begin with smaller, softer images")
+    refine_cameras: Truth = Field(True, description="correct the cameras alongside")
+    remesh: Truth = Field(True, description="give the mesh new edges when they are uneven")
+
+
+def _preset_of(fit: Any) -> str:
+    """Which of the two models a fit is of; what is no preset is refused by either."""
+    preset = fit.get("preset") if isinstance(fit, Mapping) else getattr(fit, "preset", None)
+    return "softras" if preset == "softras" else "fast"
+
+
+FITS = {"softras": SoftRasFit, "fast": FastFit}
+Fit = Annotated[
+    Annotated[SoftRasFit, Tag("softras")] | Annotated[FastFit, Tag("fast")],
+    Discriminator(_preset_of),
+]
 
 
 class Variant(_Section):
@@ -203,7 +250,7 @@ class Variant(_Section):
     )
     colmap: ColmapOverride = Field(ColmapOverride(), description="overrides the run's colmap")
     init: Init = Field(Init(), description="the first mesh")
-    fit: Fit = Field(Fit(), description="the fit")
+    fit: Fit = Field(FastFit(), description="the fit")
 
 
 class Config(_Section):
@@ -250,7 +297,7 @@ def _explain(error: Mapping[str, Any], values: Mapping[str, Any]) -> str:
     path = ".".join(map(str, keys)) or "all of it"
     if error["type"] == "extra_forbidden":
         unknown = error["loc"][-1]
-        path = ".".join(map(str, error["loc"]))
+        path = ".".join(map(str, [*keys, unknown]))
         return f"{path}: unknown key; {_nearest(str(unknown), list(schema.model_fields))}"
     if error["type"] == "missing" and keys == list(error["loc"]):
         return f"{path}: is missing; should be {_in_words(schema)}"
@@ -266,6 +313,9 @@ def _follow(path: Sequence[str | int], values: Any) -> tuple[list[str | int], An
     """
     keys, schema = [], Config
     for part in path:
+        if schema is Fit and part in FITS:  # the preset, which pydantic names as if it were a key
+            schema = FITS[part]
+            continue
         if (inside := _schema_of(part, schema)) is None:
             break
         keys.append(part)
@@ -287,6 +337,10 @@ def _schema_of(key: str | int, schema: Any) -> Any:
 
 def _in_words(schema: Any) -> str:
     """What a value of this part of the schema should be."""
+    if schema is bool:
+        return "true or false"
+    if schema is Fit:
+        schema = FastFit
     if get_origin(schema) is Annotated:
         return next(part for part in get_args(schema) if isinstance(part, str))
     if get_origin(schema) is Literal:

@@ -34,6 +34,7 @@ COLMAP = {  # the attempts of COLMAP's, by whether it masks
     "auto": ("colmap", "colmap_fallback"),
 }
 EXHAUSTIVE = 60  # photographs, up to which every pair is matched unless told otherwise
+SOFTNESS = 0.12  # pixels: the root of sigma where it is `auto`
 
 
 @dataclass(frozen=True)
@@ -242,5 +243,7 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
         )
     above = variant.calibrate.above_table
     above = config.calibrate.above_table if above is None else above
-    init, fit = variant.init, variant.fit
-    return Run(dataset, name, views, silhouettes, cameras, above, colmap, init, fit)
+    fit = variant.fit
+    if fit.sigma == "auto":
+        fit = fit.model_copy(update={"sigma": (2 * SOFTNESS / views.size) ** 2})
+    return Run(dataset, name, views, silhouettes, cameras, above, colmap, variant.init, fit)

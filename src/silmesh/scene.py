@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from silmesh.cameras.camera import (
     OBJECT_RADIUS,
@@ -44,7 +43,7 @@ def normalising(cameras: Cameras, silhouettes: np.ndarray) -> Similarity:
     """
     points = [torch.as_tensor(np.argwhere(s)[:, ::-1] + 0.5) for s in silhouettes]
     middles = torch.stack([(p.min(0).values + p.max(0).values) / 2 for p in points])
-    centre = _meet(cameras, middles)
+    centre = cameras.meet(middles)
     depth = cameras.depths(centre.unsqueeze(0)).squeeze(1)
     if not (depth > 0).all():
         view = cameras.views[int(depth.argmin())]
@@ -58,21 +57,6 @@ def normalising(cameras: Cameras, silhouettes: np.ndarray) -> Similarity:
         ((p - c) @ s.mT).norm(dim=1).max() for p, c, s in zip(points, projected, scale, strict=True)
     ]
     return Similarity(centre, float(OBJECT_RADIUS / (torch.stack(reach) * depth).max()))
-
-
-def _meet(cameras: Cameras, pixels: Tensor) -> Tensor:
-    """The point closest to the rays through one pixel [views, 2] of each view: [3].
-
-    It solves sum_i (1 - d_i d_i^T) (x - c_i) = 0 for rays from c_i along the unit vectors d_i.
-    """
-    homogeneous = torch.cat([pixels, torch.ones_like(pixels[:, :1])], dim=1)
-    seen = torch.linalg.solve(cameras.K, homogeneous)
-    along = torch.nn.functional.normalize((cameras.R.mT @ seen.unsqueeze(-1)).squeeze(-1), dim=1)
-    across = torch.eye(3, dtype=along.dtype) - along.unsqueeze(2) * along.unsqueeze(1)
-    left = across.sum(0)
-    if torch.linalg.eigvalsh(left)[0] < 1e-6 * len(cameras):
-        raise InputError("the cameras all look along one line; views from several sides are needed")
-    return torch.linalg.solve(left, (across @ cameras.centres.unsqueeze(-1)).sum(0).squeeze(-1))
 
 
 def refuse_camera_inside(cameras: Cameras) -> None:

@@ -29,6 +29,7 @@ from silmesh.steps.command import run
 
 WIDTH, HEIGHT, SIZE, COUNT = 64, 48, 32, 8
 SETTINGS = {
+    "preset": "softras",
     "iterations": 40,
     "learning_rate": 0.03,
     "betas": (0.5, 0.99),

@@ -18,10 +18,10 @@ views: {size: 32, resize: pad}
 variants:
   round:
     init: {shape: sphere, vertices: 60, align: none}
-    fit: {iterations: 3}
+    fit: {preset: softras, iterations: 3}
   boxed:
     init: {shape: sphere, vertices: 60, align: bbox}
-    fit: {iterations: 3}
+    fit: {preset: softras, iterations: 3}
 """
 HEADER = "object\timages\tmasks\tsilhouettes\tcameras\tturntable\tvariants\n"
 ROW = "cup\t../photos/png2/cup\t../photos/mask2/cup\tmask\tturntable\t2.732,0,90\t\n"

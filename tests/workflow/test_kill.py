@@ -48,7 +48,7 @@ def add_stop(project, path: str, after: str) -> None:
 
 def test_a_kill_in_the_middle_of_a_fit(project, finished, tmp_path):
     marker = tmp_path / "marker"
-    add_stop(project, "src/silmesh/fitting/loop.py", "        loss.backward()\n")
+    add_stop(project, "src/silmesh/fitting/softras.py", "        loss.backward()\n")
     mesh = "results/cup/round/mesh.glb"
     kill_when(project.start(mesh, SILMESH_TEST_STOP=str(marker)), marker)
     assert not (project / mesh).exists()

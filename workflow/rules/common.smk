@@ -69,11 +69,24 @@ def fit_inputs(wildcards):
 def fit_settings(wildcards):
     """The arguments of a fit."""
     fit = plan.run(wildcards.object, wildcards.variant).fit
-    return (
-        f"--iterations {fit.iterations} --learning-rate {fit.learning_rate}"
+    shared = (
+        f"--preset {fit.preset} --iterations {fit.iterations} --learning-rate {fit.learning_rate}"
         f" --betas {fit.betas[0]} {fit.betas[1]} --sigma {fit.sigma}"
         f" --laplacian {fit.weights.laplacian} --flatten {fit.weights.flatten}"
         f" --holdout {fit.holdout} --device {fit.device}"
+    )
+    return shared if fit.preset == "softras" else f"{shared} {fast_settings(fit)}"
+
+
+def fast_settings(fit):
+    """The arguments that only the preset fast takes."""
+    switches = (
+        f"--{'' if getattr(fit, name) else 'no-'}{name.replace('_', '-')}"
+        for name in ("coarse_to_fine", "refine_cameras", "remesh")
+    )
+    return (
+        f"--smoothing {fit.smoothing} --batch {fit.batch} --seed {fit.seed} "
+        + " ".join(switches)
     )
 
 

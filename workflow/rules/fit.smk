@@ -17,6 +17,7 @@ rule fit:
     threads: max(1, workflow.cores // len(plan.runs))
     params:
         settings=fit_settings,
+        checkpoint="results/{object}/{variant}/.checkpoint.pt",
         code=code_digest("silmesh.steps.fit"),
     message:
         "{wildcards.object}/{wildcards.variant}: fitting"
@@ -25,4 +26,5 @@ rule fit:
         " --scene {input.scene:q} {params.settings}"
         " --threads {threads} --name {wildcards.object}/{wildcards.variant}"
         " --meshes {output.mesh:q} --cameras {output.cameras:q} --loss {output.loss:q}"
+        " --checkpoint {params.checkpoint:q} --code {params.code}"
         " 2> {log:q}"

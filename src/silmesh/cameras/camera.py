@@ -92,6 +92,25 @@ class Cameras:
         """Distance of world points along each camera's axis: [views, verts]."""
         return self.R[:, 2].to(verts) @ verts.mT + self.t[:, 2:].to(verts)
 
+    def meet(self, pixels: Tensor) -> Tensor:
+        """The point closest to the rays through one pixel [views, 2] of each view: [3].
+
+        It solves sum_i (1 - d_i d_i^T) (x - c_i) = 0 for rays from c_i along the unit vectors d_i.
+
+        Raises:
+            InputError: the rays are parallel
+        """
+        homogeneous = torch.cat([pixels, torch.ones_like(pixels[:, :1])], dim=1)
+        seen = torch.linalg.solve(self.K, homogeneous)
+        along = torch.nn.functional.normalize((self.R.mT @ seen.unsqueeze(-1)).squeeze(-1), dim=1)
+        across = torch.eye(3, dtype=along.dtype) - along.unsqueeze(2) * along.unsqueeze(1)
+        left = across.sum(0)
+        if torch.linalg.eigvalsh(left)[0] < 1e-6 * len(self):
+            raise InputError(
+                "the cameras all look along one line; views from several sides are needed"
+            )
+        return torch.linalg.solve(left, (across @ self.centres.unsqueeze(-1)).sum(0).squeeze(-1))
+
     def select(self, index: Sequence[int]) -> "Cameras":
         """Only the views at these positions, in this order."""
         index = list(index)

@@ -1,39 +1,20 @@
-"""The report's fit, to the letter: every view in every step, Adam on all parameters."""
+"""The loop around a fit, whichever its procedure: records, checkpoints, and steps taken back."""
 
 import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
+from typing import Protocol
 
-import torch
 from torch import Tensor
 
 from silmesh.cameras.camera import Cameras
 from silmesh.errors import InputError
-from silmesh.fitting.losses import Flatten, Laplacian, iou_loss
-from silmesh.fitting.parametrisation import OctantSigmoid
-from silmesh.softras import soft_silhouettes
+from silmesh.fitting.checkpoint import Checkpoint
 
+TRIES = 6  # how many times a step is halved before the fit is given up
 ADVICE = "A smaller learning_rate or a larger sigma may help"
-
-
-@dataclass(frozen=True)
-class Settings:
-    """What a fit is told.
-
-    Attributes:
-        iterations: steps of Adam
-        learning_rate, betas: Adam's
-        sigma: softness of the silhouettes, in squared half-image units
-        laplacian, flatten: weights of the two smoothness terms
-    """
-
-    iterations: int
-    learning_rate: float
-    betas: tuple[float, float]
-    sigma: float
-    laplacian: float
-    flatten: float
+NAMES = ("loss", "IoU loss", "Laplacian", "flatten")
 
 
 @dataclass(frozen=True)
@@ -48,58 +29,93 @@ class Record:
     seconds: float
 
 
-def fit(
-    template: Tensor,
-    faces: Tensor,
-    cameras: Cameras,
-    silhouettes: Tensor,
-    settings: Settings,
-    watch: Callable[[Record], None] = lambda record: None,
-) -> tuple[Tensor, list[Record]]:
-    """Deform a template until its soft silhouettes match the given ones.
+class NotFinite(Exception):  # noqa: N818
+    """A loss, a gradient or a vertex of a step is not finite; says which."""
 
-    Args:
-        template: [verts, 3] float32, at unit size (it is halved), on the device to fit on
-        faces: [faces, 3] int64
-        cameras: of the views, in the normalised world
-        silhouettes: [views, height, width] float32, 0 or 1
-        watch: called with the record of each step
+
+class Procedure(Protocol):
+    """A fit, a step at a time.
+
+    Attributes:
+        verts, faces: the mesh as it is, in the normalised world
+        done: whether no step is left
+        halvings: how many times its steps were halved
+    """
+
+    verts: Tensor
+    faces: Tensor
+    done: bool
+    halvings: int
+
+    def step(self) -> list[float]:
+        """Take a step; return loss, IoU loss, Laplacian, flatten before it, or raise NotFinite."""
+
+    def correct(self, cameras: Cameras, fitted: list[int]) -> Cameras:
+        """Cameras of all views, those at the positions ``fitted`` fitted, as the mesh has them."""
+
+    def state(self) -> dict:
+        """A copy of all that changes, and the number of ``steps`` that were taken."""
+
+    def restore(self, state: dict) -> None:
+        """Go on from a state."""
+
+
+def run(
+    fit: Procedure,
+    watch: Callable[[Record], None] = lambda record: None,
+    checkpoint: Checkpoint | None = None,
+) -> list[Record]:
+    """Take all steps of a fit, from its checkpoint on if there is one.
+
+    A step that meets a number that is not finite is taken back, with the one before, which led
+    there; from then on steps are half as long.
+
     Returns:
-        vertices [verts, 3] after the last step, and one record a step
+        one record a step
 
     Raises:
-        InputError: the template does not fit the parametrisation, or a loss or the last step's
-            vertices are not finite
+        InputError: it meets such numbers although its steps were halved again and again
     """
-    shape = OctantSigmoid(template)
-    adam = torch.optim.Adam(shape.parameters(), settings.learning_rate, settings.betas)
-    size = tuple(silhouettes.shape[1:])
-    smoothness = Laplacian(faces, len(template)), Flatten(faces)
-    records = []
-    start = time.perf_counter()
-    for i in range(settings.iterations):
-        verts = shape()
-        alpha = soft_silhouettes(cameras.project(verts), faces, size, sigma=settings.sigma)
-        terms = [iou_loss(alpha, silhouettes), *(term(verts) for term in smoothness)]
-        loss = terms[0] + settings.laplacian * terms[1] + settings.flatten * terms[2]
-        values = torch.stack([loss, *terms]).tolist()
-        _refuse_non_finite(values, i)
-        records.append(Record(i, *values, time.perf_counter() - start))
+    records: list[Record] = []
+    if checkpoint and (kept := checkpoint.read()):
+        fit.restore(kept["fit"])
+        records = [Record(*row) for row in kept["records"]]
+    start = time.perf_counter() - (records[-1].seconds if records else 0)
+    good = here = fit.state()
+    while not fit.done:
+        try:
+            values = fit.step()
+        except NotFinite as error:
+            _go_back(fit, good, f"step {len(records)} of the fit: {error}")
+            del records[good["steps"] :]
+            here = good
+            continue
+        records.append(Record(len(records), *values, time.perf_counter() - start))
         watch(records[-1])
-        adam.zero_grad()
-        loss.backward()
-        adam.step()
-    verts = shape().detach()
-    if not verts.isfinite().all():
-        raise InputError(f"step {settings.iterations} of the fit: a vertex is not finite. {ADVICE}")
-    return verts, records
+        good, here = here, fit.state()
+        if checkpoint:
+            checkpoint.offer({"fit": here, "records": [astuple(record) for record in records]})
+    return records
 
 
-def _refuse_non_finite(values: list[float], iteration: int) -> None:
-    if not all(math.isfinite(value) for value in values):
-        named = zip(("loss", "IoU loss", "Laplacian", "flatten"), values, strict=True)
-        raise InputError(
-            f"step {iteration} of the fit: "
-            + ", ".join(f"{name} {value:g}" for name, value in named)
-            + f"; a loss is not finite. {ADVICE}"
-        )
+def _go_back(fit: Procedure, good: dict, what: str) -> None:
+    halvings = fit.halvings + 1
+    if halvings > TRIES:
+        raise InputError(f"{what}, although the steps were halved {TRIES} times. {ADVICE}")
+    fit.restore(good)
+    fit.halvings = halvings
+
+
+def refuse_not_finite(losses: list[float], *tensors: Tensor) -> list[float]:
+    """The losses, if they and all tensors are finite.
+
+    Raises:
+        NotFinite: they are not
+    """
+    if not all(map(math.isfinite, losses)):
+        named = zip(NAMES, losses, strict=True)
+        listed = ", ".join(f"{name} {value:g}" for name, value in named)
+        raise NotFinite(f"{listed}; a loss is not finite")
+    if not all(tensor.isfinite().all() for tensor in tensors):
+        raise NotFinite("a gradient or a vertex is not finite")
+    return losses

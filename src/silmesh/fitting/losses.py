@@ -10,17 +10,21 @@ from torch import Tensor
 EPS = 1e-6
 
 
-def iou_loss(alpha: Tensor, silhouettes: Tensor) -> Tensor:
+def iou_loss(alpha: Tensor, silhouettes: Tensor, weights: Tensor | None = None) -> Tensor:
     """1 - mean over the views of sum(p t) / (sum(p + t - p t) + 1e-6).
 
     Args:
         alpha: [views, height, width], rendered
-        silhouettes: [views, height, width], 0 or 1
+        silhouettes: [views, height, width], 0 to 1
+        weights: [views] how much each view counts in the mean; all the same if not given
     """
     p, t = alpha.flatten(1), silhouettes.flatten(1)
     both = torch.linalg.vecdot(p, t)
     either = p.sum(1) + t.sum(1) - both
-    return 1 - (both / (either + EPS)).mean()
+    iou = both / (either + EPS)
+    if weights is None:
+        return 1 - iou.mean()
+    return 1 - torch.linalg.vecdot(weights, iou) / (weights.sum() + EPS)
 
 
 class Laplacian:

@@ -1,5 +1,6 @@
 """Fit a first mesh to the silhouettes."""
 
+import argparse
 from collections.abc import Sequence
 from dataclasses import astuple, fields
 from pathlib import Path
@@ -10,7 +11,12 @@ import torch
 from silmesh.cameras.camera import write_cameras
 from silmesh.errors import InputError, blaming
 from silmesh.files import replacing
-from silmesh.fitting.loop import Record, Settings, fit
+from silmesh.fitting import fast, softras
+from silmesh.fitting.checkpoint import Checkpoint
+from silmesh.fitting.fast import Fast
+from silmesh.fitting.loop import Record
+from silmesh.fitting.loop import run as run_fit
+from silmesh.fitting.softras import SoftRas
 from silmesh.meshes import read_mesh, to_tensors, write_mesh
 from silmesh.progress import Progress
 from silmesh.scene import SILHOUETTES, read_scene
@@ -18,51 +24,71 @@ from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import parser, run
 from silmesh.views import held_out
 
+PROCEDURES = {"softras": (SoftRas, softras.Settings), "fast": (Fast, fast.Settings)}
+
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Parse, load, call, save."""
-    args = parser(__doc__)
-    args.add_argument("--first", type=Path, required=True, help="first mesh, at unit size")
-    args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
-    args.add_argument("--iterations", type=int, required=True, help="steps of Adam")
-    args.add_argument("--learning-rate", type=float, required=True, help="Adam's")
-    args.add_argument("--betas", type=float, nargs=2, required=True, help="Adam's")
-    args.add_argument("--sigma", type=float, required=True, help="in squared half-image units")
-    args.add_argument("--laplacian", type=float, required=True, help="weight")
-    args.add_argument("--flatten", type=float, required=True, help="weight")
-    args.add_argument("--holdout", type=int, default=0, help="every n-th view is kept out")
-    args.add_argument("--device", choices=["cpu", "cuda", "auto"], default="auto")
-    args.add_argument("--threads", type=int, default=torch.get_num_threads())
-    args.add_argument("--name", default="fit", help="what progress lines call this fit")
-    args.add_argument("--meshes", type=Path, nargs="+", required=True, help="to write: ply, obj...")
-    args.add_argument("--cameras", type=Path, required=True, help="cameras.json to write")
-    args.add_argument("--loss", type=Path, required=True, help="loss.csv to write")
-    given = args.parse_args(argv)
+    given = _parse(argv)
     torch.set_num_threads(given.threads)
-    settings = Settings(**{field.name: getattr(given, field.name) for field in fields(Settings)})
+    procedure, kind = PROCEDURES[given.preset]
+    settings = kind(**{field.name: getattr(given, field.name) for field in fields(kind)})
 
     cameras, similarity, _ = read_scene(given.scene)
     kept = sorted(set(range(len(cameras))) - set(held_out(len(cameras), given.holdout)))
     device = _choose_device(given.device)
     silhouettes = torch.tensor(read_silhouettes(given.scene / SILHOUETTES, cameras.views)[kept])
     template, faces = (part.to(device) for part in to_tensors(read_mesh(given.first)))
+    parts = template, faces, cameras.select(kept), silhouettes.to(device, torch.float32), settings
+    checkpoint = given.checkpoint and Checkpoint(given.checkpoint, (*parts, given.code))
+    if checkpoint and checkpoint.read():
+        print(f"{given.name}: goes on from {given.checkpoint}")
     progress = Progress(given.name, settings.iterations)
     with blaming(given.name):
-        verts, records = fit(
-            template,
-            faces,
-            cameras.select(kept),
-            silhouettes.to(device, torch.float32),
-            settings,
+        fit = procedure(*parts)
+        records = run_fit(
+            fit,
             lambda record: progress(record.iteration + 1, f"loss {record.loss:.4f}"),
+            checkpoint,
         )
 
     back = similarity.inverse
-    write_mesh(given.meshes, back.apply(verts.double()), faces)
-    write_cameras(given.cameras, cameras.in_world_of(back))
+    write_mesh(given.meshes, back.apply(fit.verts.double()), fit.faces)
+    write_cameras(given.cameras, fit.correct(cameras, kept).in_world_of(back))
     columns = [field.name for field in fields(Record)]
     with replacing(given.loss) as part:
         pd.DataFrame(map(astuple, records), columns=columns).to_csv(part, index=False)
+    if checkpoint:
+        checkpoint.remove()
+
+
+def _parse(argv: Sequence[str] | None) -> argparse.Namespace:
+    args = parser(__doc__)
+    args.add_argument("--first", type=Path, required=True, help="first mesh, at unit size")
+    args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
+    args.add_argument("--preset", choices=list(PROCEDURES), required=True)
+    args.add_argument("--iterations", type=int, required=True, help="steps, at most")
+    args.add_argument("--learning-rate", type=float, required=True, help="see the preset's module")
+    args.add_argument("--betas", type=float, nargs=2, required=True, help="Adam's")
+    args.add_argument("--sigma", type=float, required=True, help="in squared half-image units")
+    args.add_argument("--laplacian", type=float, required=True, help="weight")
+    args.add_argument("--flatten", type=float, required=True, help="weight")
+    only = args.add_argument_group("of the preset fast only")
+    only.add_argument("--smoothing", type=float, help="how far a step spreads, in squared edges")
+    only.add_argument("--batch", type=int, help="views in a step; 0 for all")
+    for switch in ("--coarse-to-fine", "--refine-cameras", "--remesh"):
+        only.add_argument(switch, action=argparse.BooleanOptionalAction, default=True)
+    only.add_argument("--seed", type=int, default=0)
+    args.add_argument("--holdout", type=int, default=0, help="every n-th view is kept out")
+    args.add_argument("--device", choices=["cpu", "cuda", "auto"], default="auto")
+    args.add_argument("--threads", type=int, default=torch.get_num_threads())
+    args.add_argument("--name", default="fit", help="what progress lines call this fit")
+    args.add_argument("--checkpoint", type=Path, help="file to go on from, and to leave if killed")
+    args.add_argument("--code", default="", help="digest of the code, in the checkpoint's key")
+    args.add_argument("--meshes", type=Path, nargs="+", required=True, help="to write: ply, obj...")
+    args.add_argument("--cameras", type=Path, required=True, help="cameras.json to write")
+    args.add_argument("--loss", type=Path, required=True, help="loss.csv to write")
+    return args.parse_args(argv)
 
 
 def _choose_device(name: str) -> str:

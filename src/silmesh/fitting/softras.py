@@ -1,0 +1,121 @@
+"""The report's fit, to the letter: every view in every step, Adam on all parameters."""
+
+from copy import deepcopy
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+
+from silmesh.cameras.camera import Cameras
+from silmesh.fitting.loop import refuse_not_finite
+from silmesh.fitting.losses import Flatten, Laplacian, iou_loss
+from silmesh.fitting.parametrisation import OctantSigmoid
+from silmesh.softras import soft_silhouettes
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a fit is told.
+
+    Attributes:
+        iterations: steps of Adam
+        learning_rate, betas: Adam's
+        sigma: softness of the silhouettes, in squared half-image units
+        laplacian, flatten: weights of the two smoothness terms
+    """
+
+    iterations: int
+    learning_rate: float
+    betas: tuple[float, float]
+    sigma: float
+    laplacian: float
+    flatten: float
+
+
+class SoftRas:
+    """Deform a template until its soft silhouettes match the given ones.
+
+    Args:
+        template: [verts, 3] float32, at unit size (it is halved), on the device to fit on
+        faces: [faces, 3] int64
+        cameras: of the views, in the normalised world
+        silhouettes: [views, height, width] float32, 0 or 1
+        settings: the procedure's numbers
+        weights: [views] how much each view counts; all the same if not given
+
+    Raises:
+        InputError: the template does not fit the parametrisation
+    """
+
+    def __init__(
+        self,
+        template: Tensor,
+        faces: Tensor,
+        cameras: Cameras,
+        silhouettes: Tensor,
+        settings: Settings,
+        weights: Tensor | None = None,
+    ):
+        self._shape = OctantSigmoid(template)
+        self._adam = torch.optim.Adam(
+            self._shape.parameters(), settings.learning_rate, settings.betas
+        )
+        self._cameras, self._silhouettes, self._weights = cameras, silhouettes, weights
+        self._settings = settings
+        self._smoothness = Laplacian(faces, len(template)), Flatten(faces)
+        self._steps = 0
+        self.faces, self.halvings = faces, 0
+
+    @property
+    def done(self) -> bool:
+        """Whether no step is left."""
+        return self._steps == self._settings.iterations
+
+    @property
+    def verts(self) -> Tensor:
+        """The vertices [verts, 3]."""
+        return self._shape().detach()
+
+    def correct(self, cameras: Cameras, fitted: list[int]) -> Cameras:
+        """The cameras as they are."""
+        return cameras
+
+    def step(self) -> list[float]:
+        """A step of Adam."""
+        told, verts = self._settings, self._shape()
+        size = tuple(self._silhouettes.shape[1:])
+        alpha = soft_silhouettes(self._cameras.project(verts), self.faces, size, sigma=told.sigma)
+        terms = [
+            iou_loss(alpha, self._silhouettes, self._weights),
+            *(term(verts) for term in self._smoothness),
+        ]
+        loss = terms[0] + told.laplacian * terms[1] + told.flatten * terms[2]
+        losses = refuse_not_finite(torch.stack([loss, *terms]).tolist())
+        self._adam.zero_grad()
+        loss.backward()
+        for group in self._adam.param_groups:
+            group["lr"] = told.learning_rate * 0.5**self.halvings
+        self._adam.step()
+        self._steps += 1
+        gradients = [parameter.grad for parameter in self._shape.parameters()]
+        return refuse_not_finite(losses, *gradients, *self._shape.parameters())
+
+    def state(self) -> dict:
+        """A copy of all that changes."""
+        return deepcopy(
+            {
+                "steps": self._steps,
+                "halvings": self.halvings,
+                "shape": dict(self._shape.named_parameters()),
+                "adam": self._adam.state_dict(),
+            }
+        )
+
+    def restore(self, state: dict) -> None:
+        """Go on from a state."""
+        state = deepcopy(state)
+        self._steps, self.halvings = state["steps"], state["halvings"]
+        with torch.no_grad():
+            for name, parameter in self._shape.named_parameters():
+                parameter.copy_(state["shape"][name])
+        self._adam.load_state_dict(state["adam"])

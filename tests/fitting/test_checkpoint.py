@@ -1,0 +1,165 @@
+"""A fit that is killed goes on from its checkpoint, to the same bytes."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pandas as pd
+import pytest
+import torch
+from scenes import silhouettes, turntable
+
+from silmesh.fitting.checkpoint import Checkpoint
+from silmesh.fitting.fast import Fast
+from silmesh.fitting.fast import Settings as FastSettings
+from silmesh.fitting.loop import run
+from silmesh.fitting.softras import Settings as SoftRasSettings
+from silmesh.fitting.softras import SoftRas
+from silmesh.meshes import to_tensors
+from silmesh.shapes.sphere import unit_sphere
+
+SOFTRAS = SoftRasSettings(12, 0.01, (0.5, 0.99), 1e-4, 0.03, 0.0003)
+FAST = FastSettings(60, 0.5, (0.9, 0.999), 1e-4, 0.1, 5e-5, 1.0, 2, True, True, True, 0)
+
+
+class Killed(Exception):  # noqa: N818
+    """Stands for a kill, between two steps."""
+
+
+def scene():
+    cameras = turntable(4, 64, 10)
+    seen = torch.tensor(silhouettes(cameras, (0.45, 0.15, 0.35)), dtype=torch.float32)
+    return *to_tensors(unit_sphere(162)), cameras, seen
+
+
+def make(preset):
+    return SoftRas(*scene(), SOFTRAS) if preset == "softras" else Fast(*scene(), FAST)
+
+
+def outcome(fit, records):
+    rows = [(r.iteration, r.loss, r.iou_loss, r.laplacian, r.flatten) for r in records]
+    K, R, t = (getattr(fit.correct(scene()[2], [0, 1, 2, 3]), name) for name in ("K", "R", "t"))
+    return rows, [part.numpy().tobytes() for part in (fit.verts, fit.faces, K, R, t)]
+
+
+@pytest.mark.parametrize("preset", ["softras", "fast"])
+@pytest.mark.parametrize("stop", [0, 7, 11])
+def test_a_fit_goes_on_to_the_same_bytes(preset, stop, tmp_path):
+    whole = make(preset)
+    expected = outcome(whole, run(whole))
+
+    def kill(record):
+        if record.iteration == stop:
+            raise Killed
+
+    path = tmp_path / "checkpoint.pt"
+    with pytest.raises(Killed):
+        run(make(preset), kill, Checkpoint(path, ["one"], every=0))
+    again, seen = make(preset), []
+    checkpoint = Checkpoint(path, ["one"], every=0)
+    assert outcome(again, run(again, seen.append, checkpoint)) == expected
+    assert seen[0].iteration == stop  # the step after which it was killed was not kept
+    checkpoint.remove()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_another_fit_left_is_not_taken(tmp_path):
+    path = tmp_path / "checkpoint.pt"
+    *_, cameras, seen = scene()
+    Checkpoint(path, (cameras, seen, FAST), every=0).offer({"a": 1})
+    assert Checkpoint(path, (cameras, seen, FAST)).read() == {"a": 1}
+    assert Checkpoint(path, (cameras, seen, SOFTRAS)).read() is None
+    assert Checkpoint(path, (cameras, seen * 0, FAST)).read() is None
+    assert Checkpoint(path, (turntable(4, 64, 11), seen, FAST)).read() is None
+    assert Checkpoint(path, (cameras, seen.double(), FAST)).read() is None
+
+
+@pytest.mark.parametrize("content", [None, b"", b"no checkpoint", b"PK\x03\x04cut"])
+def test_a_file_that_is_no_checkpoint_is_as_none(content, tmp_path):
+    path = tmp_path / "checkpoint.pt"
+    if content is not None:
+        path.write_bytes(content)
+    assert Checkpoint(path, ["one"]).read() is None
+
+
+def test_it_is_written_only_now_and_then(tmp_path):
+    path = tmp_path / "checkpoint.pt"
+    checkpoint = Checkpoint(path, ["one"], every=3600)
+    checkpoint.offer({"a": 1})
+    assert not path.exists()
+
+
+PROGRAM = """
+import sys
+from silmesh.fitting import checkpoint, loop
+from silmesh.steps import fit
+checkpoint.EVERY = 0.0
+fit.main(sys.argv[1:])
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("preset", ["softras", "fast"])
+def test_a_killed_step_is_run_again_to_the_same_files(preset, tmp_path):
+    arguments = write_scene(tmp_path, preset)
+    start(arguments, tmp_path / "whole").communicate(timeout=300)
+    killed = start(arguments, tmp_path / "killed")
+    checkpoint = tmp_path / "killed/.checkpoint.pt"
+    until = time.monotonic() + 120
+    while not checkpoint.exists():
+        assert killed.poll() is None
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    os.kill(killed.pid, signal.SIGKILL)
+    killed.communicate()
+    assert not (tmp_path / "killed/mesh.ply").exists()
+    left = checkpoint.stat().st_mtime_ns
+    said, _ = start(arguments, tmp_path / "killed").communicate(timeout=300)
+    assert left
+    assert "goes on" in said
+    for name in ("mesh.ply", "cameras.json"):
+        files = [tmp_path / run / name for run in ("whole", "killed")]
+        assert files[0].read_bytes() == files[1].read_bytes()
+    losses = [pd.read_csv(tmp_path / run / "loss.csv") for run in ("whole", "killed")]
+    pd.testing.assert_frame_equal(*(loss.drop(columns="seconds") for loss in losses))
+    assert not list((tmp_path / "killed").glob(".*"))
+
+
+def write_scene(folder: Path, preset: str) -> list[str]:
+    """A first mesh and a scene on disk, and the arguments of a fit of some seconds."""
+    from PIL import Image
+
+    from silmesh.cameras.camera import Similarity
+    from silmesh.scene import write_scene as write
+
+    *_, cameras, seen = scene()
+    (folder / "pictures").mkdir()
+    for view, silhouette in zip(cameras.views, seen, strict=True):
+        pixels = (silhouette[..., None].numpy() * [124, 124, 124, 255]).astype("uint8")
+        Image.fromarray(pixels).save(folder / "pictures" / f"{view}.png")
+    unit_sphere(162).export(folder / "first.ply")
+    pictures = {"views": folder / "pictures", "silhouettes": folder / "pictures"}
+    agreement = torch.ones(len(cameras)).numpy()
+    write(folder / "scene", cameras, Similarity.identity(), agreement, pictures, {})
+    told = {
+        "softras": "--iterations 400 --learning-rate 0.01 --betas 0.5 0.99 --sigma 1e-4"
+        " --laplacian 0.03 --flatten 0.0003",
+        "fast": "--iterations 400 --learning-rate 0.5 --betas 0.9 0.999 --sigma 1e-4"
+        " --laplacian 0.1 --flatten 0.00005 --smoothing 1 --batch 2",
+    }[preset]
+    first, made = str(folder / "first.ply"), str(folder / "scene")
+    return ["--first", first, "--scene", made, "--preset", preset, *told.split()]
+
+
+def start(arguments: list[str], out: Path) -> subprocess.Popen:
+    """The step, which keeps a checkpoint after every step of the fit."""
+    outputs = ["--meshes", out / "mesh.ply", "--cameras", out / "cameras.json"]
+    outputs += ["--loss", out / "loss.csv", "--checkpoint", out / ".checkpoint.pt"]
+    return subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, *arguments, "--threads", "1", *map(str, outputs)],
+        text=True,
+        stdout=subprocess.PIPE,
+    )

@@ -1,0 +1,153 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+import trimesh
+from scenes import silhouettes, turntable
+
+from silmesh.errors import InputError
+from silmesh.evaluation import silhouette_iou
+from silmesh.fitting import fast
+from silmesh.fitting.cameras import SHARED_SD
+from silmesh.fitting.fast import Fast, Settings
+from silmesh.fitting.loop import run
+from silmesh.meshes import to_tensors
+from silmesh.shapes.sphere import unit_sphere
+
+AXES, CENTRE = (0.4, 0.22, 0.3), (0.05, -0.1, 0.0)
+TOLD = Settings(300, 0.5, (0.9, 0.999), (0.24 / 64) ** 2, 0.1, 5e-5, 1.0, 6, True, True, True, 0)
+
+
+def scene(count=12, size=64, elevation=20.0):
+    cameras = turntable(count, size, elevation)
+    return cameras, torch.tensor(silhouettes(cameras, AXES, CENTRE), dtype=torch.float32)
+
+
+def fitted(cameras, seen, told=TOLD, first=None, **others):
+    fit = Fast(*(first or to_tensors(unit_sphere(642))), cameras, seen, told, **others)
+    return fit, run(fit)
+
+
+def test_a_sphere_becomes_the_ellipsoid():
+    cameras, seen = scene()
+    fit, records = fitted(cameras, seen)
+    iou = silhouette_iou(fit.verts, fit.faces, cameras, seen.numpy() > 0, TOLD.sigma)
+    assert iou.mean() > 0.97
+    assert len(records) < TOLD.iterations  # it has levelled
+    extents = (fit.verts.max(0).values - fit.verts.min(0).values) / 2
+    np.testing.assert_allclose(extents, AXES, rtol=0.15)  # no view shows the poles
+    mesh = trimesh.Trimesh(fit.verts.numpy(), fit.faces.numpy(), process=False)
+    assert mesh.is_watertight
+    assert mesh.euler_number == 2
+    assert mesh.volume == pytest.approx(4 / 3 * math.pi * np.prod(AXES), rel=0.1)
+
+
+def test_a_small_sphere_elsewhere_finds_the_object():
+    cameras, seen = scene()
+    verts, faces = to_tensors(unit_sphere(642))
+    fit, _ = fitted(cameras, seen, first=(verts * 0.2 + torch.tensor([0.7, 0.9, -0.6]), faces))
+    iou = silhouette_iou(fit.verts, fit.faces, cameras, seen.numpy() > 0, TOLD.sigma)
+    assert iou.mean() > 0.96
+
+
+def test_a_perturbed_turntable_is_found():
+    """Cameras 3 degrees too low and 3 % off the axis: corrected, the silhouettes are met."""
+    true, seen = scene()
+    low = turntable(12, 64, 17.0)
+    wrong = replace(low, t=low.t + torch.tensor([0.03, 0, 0], dtype=torch.float64))
+    ious = {}
+    for refine in (False, True):
+        fit, _ = fitted(wrong, seen, replace(TOLD, refine_cameras=refine))
+        cameras = fit.correct(wrong, list(range(12)))
+        ious[refine] = silhouette_iou(fit.verts, fit.faces, cameras, seen.numpy() > 0, 1e-6).mean()
+    assert ious[True] > 0.965
+    assert ious[True] > ious[False] + 0.01
+    forward, wished = cameras.R[:, 2, 1], true.R[:, 2, 1]  # minus the elevation's sine
+    assert (forward - wished).abs().mean() < 0.6 * (wrong.R[:, 2, 1] - wished).abs().mean()
+    assert (cameras.t[:, 0]).abs().mean() < 0.015
+
+
+def test_cameras_that_are_right_stay_about_where_they_are():
+    cameras, seen = scene()
+    fit, _ = fitted(cameras, seen)
+    corrected = fit.correct(cameras, list(range(12)))
+    assert (corrected.t - cameras.t).abs().max() < 0.03
+    assert (corrected.R - cameras.R).abs().max() < 0.03
+    assert (corrected.K / cameras.K).nan_to_num(1).sub(1).abs().max() < SHARED_SD[6]
+
+
+@pytest.mark.parametrize(("views", "batch"), [(12, 5), (12, 0), (7, 2), (3, 12)])
+def test_batches_share_the_views_evenly_and_each_round_sees_all(views, batch):
+    cameras, seen = scene(views)
+    fit = Fast(*to_tensors(unit_sphere(162)), cameras, seen, replace(TOLD, batch=batch))
+    number = math.ceil(views / (batch or views))
+    for _ in range(3):
+        order = []
+        for _ in range(number):
+            order.append(fit._choose())
+            fit._steps += 1
+        assert sorted(view for index in order for view in index) == list(range(views))
+        for index in order:
+            assert len(index) <= (batch or views)
+            assert set(np.diff(index)) <= {number}
+
+
+def test_a_step_halves_when_a_round_is_no_better_and_the_level_ends():
+    fit = Fast(*to_tensors(unit_sphere(162)), *scene(), TOLD)
+    rounds = 1 + fast.HALVINGS  # the first is the best; each further one halves
+    for _ in range(rounds * fit._round):
+        assert fit._level == 0
+        fit._count_round(0.5)
+    assert fit._level == 0
+    assert fit._slowed == fast.HALVINGS
+    for _ in range(fit._round):
+        fit._count_round(0.5 * (1 - fast.LEVELLED / 2))
+    assert (fit._level, fit._slowed) == (1, 0)
+    assert not fit.done
+
+
+def test_falling_losses_do_not_halve():
+    fit = Fast(*to_tensors(unit_sphere(162)), *scene(), TOLD)
+    for k in range(5):
+        for _ in range(fit._round):
+            fit._count_round(0.8**k)
+    assert fit._slowed == 0
+
+
+def test_a_view_without_weight_says_nothing():
+    cameras, seen = scene(6)
+    wrong = seen.clone()
+    wrong[2] = wrong[2].flip(1).roll(9, 0)
+    weights = torch.ones(6)
+    weights[2] = 0
+    told = replace(TOLD, iterations=30, batch=0, coarse_to_fine=False)
+    verts, faces = to_tensors(unit_sphere(162))
+    first = verts * 0.6, faces
+    _, records = fitted(cameras, wrong, told, first, weights=weights)
+    _, expected = fitted(cameras, seen, told, first, weights=weights)
+    assert [r.loss for r in records] == [r.loss for r in expected]
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_fits_are_bitwise_the_same_for_any_number_of_threads(threads):
+    told = replace(TOLD, iterations=20)
+    fit, records = fitted(*scene(), told)
+    torch.set_num_threads(threads)
+    again, same = fitted(*scene(), told)
+    assert again.verts.numpy().tobytes() == fit.verts.numpy().tobytes()
+    assert [record.loss for record in same] == [record.loss for record in records]
+
+
+def test_a_loss_that_is_not_finite_stops_the_fit():
+    cameras, seen = scene()
+    seen[:, 0, 0] = math.nan
+    with pytest.raises(InputError, match="step 0 of the fit: loss nan"):
+        fitted(cameras, seen)
+
+
+def test_a_step_far_too_long_is_shortened():
+    cameras, seen = scene(6)
+    _, records = fitted(cameras, seen, replace(TOLD, iterations=20, learning_rate=1e21))
+    assert all(math.isfinite(record.loss) for record in records)
