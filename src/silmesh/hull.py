@@ -53,6 +53,10 @@ class Hull:
         verts, faces, _, _ = marching_cubes(closed, 0.0, gradient_direction="ascent")
         return self.origin + (verts - 1) * self.spacing, faces
 
+    def coarser(self, every: int) -> "Hull":
+        """The same field on every so many-th sample along each axis."""
+        return Hull(self.field[::every, ::every, ::every], self.origin, every * self.spacing)
+
 
 def carve(
     silhouettes: np.ndarray, cameras: Cameras, resolution: int = 128, tolerated: int = 0

@@ -7,7 +7,7 @@ share it:
                             silhouettes/256-pad-mask/
                             cameras/256-pad-turntable/, cameras/256-pad-mask-calibrate/
                             scenes/256-pad-mask-turntable/
-                            first/256-pad-mask-turntable-sphere-1352-bbox.ply
+                            first/256-pad-mask-turntable-sphere-1352-bbox/
     results/<object>/<variant>/
 
 This module is read by the Snakefile each time, so it imports nothing heavy.
@@ -22,6 +22,8 @@ from typing import Any
 from silmesh.config import Config, Fit, Init, Variant, Views, parse_config
 from silmesh.datasets import Dataset, Turntable, read_datasets, resolve_cameras
 from silmesh.errors import InputError
+
+TUNNELLED = {"prism", "hull", "auto"}  # first meshes that can have tunnels
 
 
 @dataclass(frozen=True)
@@ -62,9 +64,19 @@ class Run:
 
     @property
     def first_key(self) -> str:
-        """Names the first mesh."""
+        """Names the first mesh.
+
+        Only carved ones have tunnels to keep or to close; only ``auto`` fits, by the preset.
+        """
         init = self.init
-        return f"{self.scene_key}-{init.shape}-{init.vertices}-{init.align}"
+        closed = "-closed" if init.genus == "sphere" and init.shape in TUNNELLED else ""
+        tried = f"-{self.fit.preset}" if init.shape == "auto" else ""
+        return f"{self.scene_key}-{init.shape}-{init.vertices}-{init.align}{closed}{tried}"
+
+    @property
+    def trial(self) -> Fit:
+        """The fit of which ``auto`` takes a few steps: the preset's own."""
+        return Fit(preset=self.fit.preset)
 
     @property
     def masks(self) -> tuple[Path, ...]:

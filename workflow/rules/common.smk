@@ -35,12 +35,30 @@ def known_geometry(wildcards):
     return " ".join(f"{k}={v}" for k, v in values.items() if v is not None)
 
 
+def first_settings(wildcards):
+    """The arguments of a first mesh; those of a fit where it is chosen by one."""
+    run = with_first(wildcards)
+    init = run.init
+    settings = (
+        f"--shape {init.shape} --vertices {init.vertices} --align {init.align}"
+        f" --genus {init.genus}"
+    )
+    if init.shape != "auto":
+        return settings
+    fit = run.trial
+    return settings + (
+        f" --learning-rate {fit.learning_rate} --betas {fit.betas[0]} {fit.betas[1]}"
+        f" --sigma {fit.sigma} --laplacian {fit.weights.laplacian}"
+        f" --flatten {fit.weights.flatten}"
+    )
+
+
 def fit_inputs(wildcards):
     """The stages that a fit stands on."""
     run = plan.run(wildcards.object, wildcards.variant)
     stages = f"results/{wildcards.object}/stages"
     return {
-        "first": f"{stages}/first/{run.first_key}.ply",
+        "first": f"{stages}/first/{run.first_key}/first.ply",
         "scene": f"{stages}/scenes/{run.scene_key}",
     }
 
@@ -62,6 +80,7 @@ def evaluate_inputs(wildcards):
     stages = fit_inputs(wildcards)
     return {
         "scene": stages["scene"],
+        "first": stages["first"].replace("first.ply", "init.json"),
         "truth": f"results/{wildcards.object}/stages/truth.ply" if truth else [],
     }
 

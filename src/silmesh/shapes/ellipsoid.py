@@ -1,10 +1,10 @@
 """The ellipsoid whose outlines have the silhouettes' moments, in all views and three axes.
 
 An ellipsoid with centre c and shape matrix S (its eigenvectors the axes, its eigenvalues the
-squared half-lengths) is seen by a camera [R | t] as an ellipse. With A = R S R^T and p = R c + t its
-dual conic is A - p p^T, from which the ellipse's centre and shape matrix follow; these are compared
-with the silhouette's centroid and four times its covariance, which are an ellipse's own (Rubino,
-Crocco and Del Bue, *3D object localisation from multi-view image detections*, 2018).
+squared half-lengths) is seen by a camera [R | t] as an ellipse. With A = R S R^T and p = R c + t
+its dual conic is A - p p^T, from which the ellipse's centre and shape matrix follow; these are
+compared with the silhouette's centroid and four times its covariance, which are an ellipse's own
+(Rubino, Crocco and Del Bue, *3D object localisation from multi-view image detections*, 2018).
 """
 
 from dataclasses import dataclass
@@ -85,7 +85,7 @@ def _moments(silhouettes: np.ndarray, to_rays: np.ndarray) -> tuple[np.ndarray, 
 def _outlines(
     centre: np.ndarray, shape: np.ndarray, R: np.ndarray, t: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Centres [views, 2] and shape matrices [views, 2, 2] of an ellipsoid's outlines, at depth 1."""
+    """Centres [views, 2] and shape matrices [views, 2, 2] of its outlines, at depth 1."""
     p = R @ centre + t
     dual = R @ shape @ R.swapaxes(1, 2) - p[:, :, None] * p[:, None]
     dual /= -np.maximum(-dual[:, 2, 2], 1e-9)[:, None, None]  # the camera stands outside

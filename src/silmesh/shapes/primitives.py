@@ -110,15 +110,21 @@ def _place(
     cameras: Cameras,
 ) -> tuple[float, np.ndarray]:
     """IoU with the silhouettes, and the matrix [4, 4] that stretches, turns and moves it there."""
-    centre, lengths = target.centre.copy(), target.lengths(axes)
-    for i in range(ROUNDS + 1):
-        to_world = np.eye(4)
-        to_world[:3, :3], to_world[:3, 3] = axes * lengths, centre
-        placed = unit.copy()
-        placed.apply_transform(to_world)
-        rendered = render(placed, cameras, silhouettes.shape[1:])
-        if i == ROUNDS or not rendered.any():
-            return mean_iou(rendered, silhouettes), to_world
+    size = silhouettes.shape[1:]
+    to_world = _matrix(axes, target.lengths(axes), target.centre)
+    rendered = render(unit.copy().apply_transform(to_world), cameras, size)
+    for _ in range(ROUNDS):
+        if not rendered.any():
+            break
         found = find_ellipsoid(rendered, cameras)
-        centre += target.centre - found.centre
+        lengths = np.linalg.norm(to_world[:3, :3], axis=0)
         lengths *= target.lengths(axes) / found.lengths(axes)
+        to_world = _matrix(axes, lengths, to_world[:3, 3] + target.centre - found.centre)
+        rendered = render(unit.copy().apply_transform(to_world), cameras, size)
+    return mean_iou(rendered, silhouettes), to_world
+
+
+def _matrix(axes: np.ndarray, lengths: np.ndarray, centre: np.ndarray) -> np.ndarray:
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = axes * lengths, centre
+    return matrix

@@ -25,6 +25,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--cameras", type=Path, required=True, help="cameras.json of its world")
     args.add_argument("--loss", type=Path, required=True, help="loss.csv of its fit")
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
+    args.add_argument("--first", type=Path, required=True, help="init.json of its first mesh")
     args.add_argument("--truth", type=Path, help="the true mesh, in the cameras' world")
     args.add_argument("--holdout", type=int, default=0, help="every n-th view was kept out")
     args.add_argument("--sigma", type=float, required=True, help="as in the fit")
@@ -38,10 +39,12 @@ def main(argv: Sequence[str] | None = None) -> None:
     folder = given.scene / SILHOUETTES
     silhouettes = read_silhouettes(folder, cameras.views)
     iou = silhouette_iou(*to_tensors(mesh), cameras, silhouettes, given.sigma)
+    scene = read_scene(given.scene)[2]
     last = pd.read_csv(given.loss).iloc[-1]
     metrics = {
         **summarise_iou(iou, held_out(len(iou), given.holdout)),
-        "hull_iou_mean": read_scene(given.scene)[2]["hull_iou_mean"],
+        "hull_iou_mean": scene["hull_iou_mean"],
+        "hull_doubtful": ", ".join(scene.get("doubtful", [])) or None,
         "loss_final": float(last["loss"]),
         "iterations": int(last["iteration"]) + 1,
         "fit_seconds": float(last["seconds"]),
@@ -51,6 +54,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     }
     if given.truth:
         metrics |= compare_to_truth(mesh, read_mesh(given.truth))
+    metrics["first"] = json.loads(given.first.read_text())
     metrics["iou"] = dict(zip(cameras.views, iou.tolist(), strict=True))
     with replacing(given.output) as part:
         part.write_text(json.dumps(metrics, indent=1) + "\n")

@@ -11,11 +11,12 @@ from silmesh.cameras.attempt import Attempt, read_attempt
 from silmesh.cameras.camera import Cameras, Similarity
 from silmesh.errors import InputError, blaming
 from silmesh.evaluation import coherence
-from silmesh.hull import carve
+from silmesh.hull import carve, find_doubtful
 from silmesh.scene import SILHOUETTES, VIEWS, normalising, refuse_camera_inside, write_scene
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import parser, run
 
+COHERENT = 0.9  # below this hull IoU the views that lower it most are named
 DOUBTFUL = 0.5  # below this hull IoU a person is told before the fit, not only on the page
 
 
@@ -48,19 +49,25 @@ def main(argv: Sequence[str] | None = None) -> None:
     if not candidates:
         raise InputError("\n".join(str(attempt.refusal) for attempt in attempts.values()))
     best = max(candidates, key=lambda candidate: candidate.agreement.mean())
+    doubtful = _name_doubtful(best, given.silhouettes)
     write_scene(
         given.output,
         best.cameras,
         best.similarity,
         best.agreement,
         {VIEWS: given.views, SILHOUETTES: given.silhouettes},
-        {"cameras": best.attempt.source, "dropped": dict(best.attempt.dropped)},
+        {
+            "cameras": best.attempt.source,
+            "dropped": dict(best.attempt.dropped),
+            "doubtful": doubtful,
+        },
     )
     if best.agreement.mean() < DOUBTFUL:
         print(
             f"warning: {given.silhouettes} and {given.cameras[0]} hardly agree: hull IoU "
-            f"{best.agreement.mean():.2f}. The fit will be poor unless the cameras (a turntable's "
-            "distance, elevation and step) are those of the photographs"
+            f"{best.agreement.mean():.2f}; the view to doubt is {', '.join(doubtful) or 'unknown'}. "
+            "The fit will be poor unless the cameras (a turntable's distance, elevation and step) are "
+            "those of the photographs"
         )
 
 
@@ -72,6 +79,14 @@ def _normalise(folder: Path, attempt: Attempt, silhouettes: Path, keep_world: bo
         cameras = cameras.in_world_of(similarity)
         refuse_camera_inside(cameras)
     return Candidate(attempt, cameras, similarity, coherence(carve(seen, cameras), cameras, seen))
+
+
+def _name_doubtful(best: Candidate, silhouettes: Path) -> list[str]:
+    """The views that lower the coherence most, if it is low."""
+    if best.agreement.mean() >= COHERENT:
+        return []
+    seen = read_silhouettes(silhouettes, best.cameras.views)
+    return [best.cameras.views[i] for i in find_doubtful(seen, best.cameras)]
 
 
 if __name__ == "__main__":
