@@ -2,7 +2,7 @@
 
     steps                                             what a rule calls
     views  silhouettes  cameras  scene  shapes ...    stages, which do not stand on each other
-    cameras.camera  softras  hull                     the ground floor
+    cameras.camera  softras  hull  remesh             the ground floor
     errors  files                                     what anything may import
 
 The Snakefile's modules (configuration, table, plan, digests) stand beside: no stage imports them.
@@ -15,10 +15,10 @@ import pytest
 from silmesh.provenance import SOURCE
 
 BASE = {"errors", "files"}
-GROUND = {"cameras.camera", "softras", "hull"}
+GROUND = {"cameras.camera", "softras", "hull", "remesh"}
 STAGES = {
     *("views", "silhouettes", "cameras", "scene", "shapes", "fitting", "evaluation", "report"),
-    *("synthetic", "meshes", "progress", "remesh"),
+    *("synthetic", "meshes", "progress"),
 }
 PLANNING = {"config", "datasets", "plan", "provenance", "lock"}
 # What a stage imports of another: the manifest of the working images, which says where each

@@ -168,8 +168,8 @@ def flip_edges(verts: Floats, faces: Ints, passes: int = 3) -> Ints:
         edges, _ = _number_edges(faces)
         diamonds, sides = _diamonds(faces)
         degree = np.bincount(edges.ravel(), minlength=len(verts))
-        off = degree[diamonds] - 6
-        gain = (off**2).sum(axis=1) - ((off + [-1, -1, 1, 1]) ** 2).sum(axis=1)
+        off, turned = degree[diamonds] - 6, np.array([-1, -1, 1, 1])
+        gain = (off**2).sum(axis=1) - ((off + turned) ** 2).sum(axis=1)
         candidates = np.flatnonzero((gain > 0) & _flippable(verts, edges, diamonds, degree))
         if not len(candidates):
             break

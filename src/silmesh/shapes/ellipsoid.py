@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 from silmesh.cameras.camera import OBJECT_RADIUS, Cameras
 
 PRIOR = 0.02  # weight that holds a length which no view shows at the others' mean
-TOLERANCE = 0.1  # of a half-length: residuals far above are of silhouettes that disagree
+TOLERANCE = 0.1  # of a mean half-length: residuals far above are of silhouettes that disagree
 
 
 @dataclass(frozen=True)
@@ -55,17 +55,16 @@ def find_ellipsoid(silhouettes: np.ndarray, cameras: Cameras) -> Ellipsoid:
     R, t = cameras.R.numpy()[used], cameras.t.numpy()[used]
     start = _start(centres, shapes, R, t)
     unit = start[3]
-    white = np.linalg.inv(np.linalg.cholesky(shapes))
+    scale = float(np.median(np.linalg.det(shapes) ** 0.25))  # one for all: none counts for more
 
     def residuals(x: np.ndarray) -> np.ndarray:
         centre, half = x[:3], _lower(x[3:])
         m, E = _outlines(centre, half @ half.T, R, t)
-        off = np.einsum("vij,vj->vi", white, m - centres)
-        form = white @ E @ white.swapaxes(1, 2) - np.eye(2)
+        off, form = (m - centres) / scale, (E - shapes) / scale**2
         seen = np.concatenate([off, form[:, [0, 0, 1], [0, 1, 1]]], axis=1).ravel()
         return np.concatenate([seen, PRIOR * (x - start) / unit])
 
-    found = least_squares(residuals, start, loss="soft_l1", f_scale=TOLERANCE)
+    found = least_squares(residuals, start, loss="cauchy", f_scale=TOLERANCE)
     half = _lower(found.x[3:])
     return Ellipsoid(found.x[:3], half @ half.T)
 

@@ -5,7 +5,6 @@ import torch
 import trimesh
 
 from silmesh.cameras.camera import Cameras
-from silmesh.meshes import to_tensors
 from silmesh.softras import soft_silhouettes
 
 SHARP = 1e-5  # sigma of a rendering that is thresholded
@@ -36,7 +35,8 @@ def look_smaller(
 
 def render(mesh: trimesh.Trimesh, cameras: Cameras, size: tuple[int, int]) -> np.ndarray:
     """A mesh's silhouettes: [views, height, width] bool."""
-    verts, faces = to_tensors(mesh)
+    verts = torch.tensor(np.asarray(mesh.vertices), dtype=torch.float32)
+    faces = torch.tensor(np.asarray(mesh.faces), dtype=torch.int64)
     with torch.no_grad():
         return (soft_silhouettes(cameras.project(verts), faces, size, SHARP) > 0.5).numpy()
 

@@ -5,12 +5,14 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import torch
-from torch import Tensor
+import trimesh
 
 from silmesh.cameras.camera import Cameras
 from silmesh.files import replacing
 from silmesh.fitting.loop import Settings, fit
+from silmesh.meshes import to_tensors
 from silmesh.scene import SILHOUETTES, read_scene
 from silmesh.shapes.first import SHAPES, Init, first_mesh
 from silmesh.silhouettes import read_silhouettes
@@ -41,11 +43,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     init = Init(given.shape, vertices, given.align, given.genus)
 
     def trial(
-        verts: Tensor, faces: Tensor, cameras: Cameras, silhouettes: Tensor, steps: int
+        mesh: trimesh.Trimesh, cameras: Cameras, silhouettes: np.ndarray, steps: int
     ) -> list[float]:
         names = ("learning_rate", "betas", "sigma", "laplacian", "flatten")
         settings = Settings(steps + 1, **{name: getattr(given, name) for name in names})
-        return [record.loss for record in fit(verts, faces, cameras, silhouettes, settings)[1]]
+        target = torch.tensor(silhouettes, dtype=torch.float32)
+        _, records = fit(*to_tensors(mesh), cameras, target, settings)
+        return [record.loss for record in records]
 
     first = first_mesh(init, silhouettes, cameras, trial)
     for warning in first.told["warnings"]:

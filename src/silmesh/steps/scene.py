@@ -63,11 +63,11 @@ def main(argv: Sequence[str] | None = None) -> None:
         },
     )
     if best.agreement.mean() < DOUBTFUL:
+        blamed = f", to be doubted first: {', '.join(doubtful)}" if doubtful else ""
         print(
             f"warning: {given.silhouettes} and {given.cameras[0]} hardly agree: hull IoU "
-            f"{best.agreement.mean():.2f}; the view to doubt is {', '.join(doubtful) or 'unknown'}. "
-            "The fit will be poor unless the cameras (a turntable's distance, elevation and step) are "
-            "those of the photographs"
+            f"{best.agreement.mean():.2f}{blamed}. The fit will be poor unless the cameras (a "
+            "turntable's distance, elevation and step) are those of the photographs"
         )
 
 
