@@ -6,7 +6,7 @@ from shlex import quote
 
 from snakemake.utils import min_version
 
-from silmesh.config import NAME
+from silmesh.config import NAME, SoftRasFit
 from silmesh.errors import InputError
 from silmesh.lock import hold
 from silmesh.plan import Plan

@@ -110,7 +110,7 @@ def test_every_unknown_key_has_its_line():
         ("init: {vertices: many}", "init.vertices", "12 to 200,000 or 'auto'", "'many'"),
         ("init: {vertices: 11}", "init.vertices", "12 to 200,000 or 'auto'", "11"),
         ("init: {vertices: 12.5}", "init.vertices", "a whole number", "12.5"),
-        ("init: {shape: cube}", "init.shape", "'sphere'", "'cube'"),
+        ("init: {shape: cone}", "init.shape", "'sphere'", "'cone'"),
         ("calibrate: {above_table: 1}", "calibrate.above_table", "true or false", "1"),
         ("init: {align: yes}", "init.align", "'none' or 'bbox'", "True"),
         ("init: 3", "init", "keys of shape, vertices, align", "3"),

@@ -10,7 +10,7 @@ share it:
                             models/1600-4096-exhaustive-0-incremental/
                             cameras/256-pad-turntable/, cameras/256-pad-mask-calibrate/
                             scenes/256-pad-mask-turntable/
-                            first/256-pad-mask-turntable-sphere-1352-bbox.ply
+                            first/256-pad-mask-turntable-sphere-1352-bbox/
     results/<object>/<variant>/
 
 This module is read by the Snakefile each time, so it imports nothing heavy.
@@ -35,6 +35,7 @@ COLMAP = {  # the attempts of COLMAP's, by whether it masks
 }
 EXHAUSTIVE = 60  # photographs, up to which every pair is matched unless told otherwise
 SOFTNESS = 0.12  # pixels: the root of sigma where it is `auto`
+TUNNELLED = {"prism", "hull", "auto"}  # first meshes that can have tunnels
 
 
 @dataclass(frozen=True)
@@ -105,9 +106,13 @@ class Run:
 
     @property
     def first_key(self) -> str:
-        """Names the first mesh."""
+        """Names the first mesh.
+
+        Only carved ones have tunnels to keep or to close.
+        """
         init = self.init
-        return f"{self.scene_key}-{init.shape}-{init.vertices}-{init.align}"
+        closed = "-closed" if init.genus == "sphere" and init.shape in TUNNELLED else ""
+        return f"{self.scene_key}-{init.shape}-{init.vertices}-{init.align}{closed}"
 
     @property
     def masks(self) -> tuple[Path, ...]:

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
+from scenes import turntable
 
-from silmesh.shapes.first import first_mesh
-from silmesh.shapes.place import align_to_box, choose_count
+from silmesh.shapes.first import Init, first_mesh
+from silmesh.shapes.place import align_to_box, choose_count, choose_report_count
 from silmesh.shapes.sphere import unit_sphere
 
 
@@ -52,14 +53,37 @@ def test_the_box_holds_every_piece():
 def test_auto_takes_the_fewest_vertices_with_edges_of_5_pixels(radius, count):
     rows, columns = np.indices((256, 256)) + 0.5
     disc = (rows - 128) ** 2 + (columns - 128) ** 2 < radius**2
-    assert choose_count(np.stack([disc, disc])) == count
-    assert len(first_mesh("sphere", "auto", "none", disc[None]).vertices) == count
+    seen = np.stack([disc, disc])
+    assert choose_report_count(seen) == count
+    mesh = first_mesh(Init("sphere", None, "none"), seen, turntable(2, 256)).mesh
+    assert len(mesh.vertices) == count
 
 
-@pytest.mark.parametrize("count", [642, "642"])
-def test_the_first_mesh_is_aligned_to_the_first_silhouette(count):
+def disc(radius):
+    rows, columns = np.indices((256, 256)) + 0.5
+    return (rows - 128) ** 2 + (columns - 128) ** 2 < radius**2
+
+
+def test_any_count_has_edges_of_5_pixels():
+    # a ball's surface is 4 pi 80^2 = 80,425 square pixels, in triangles of 10.83: 7,430 of these
+    # are those of 7,430 / 2 + 2 = 3,717 vertices
+    assert choose_count(disc(80)[None]) == pytest.approx(3717, rel=0.02)
+    assert choose_count(disc(20)[None]) == 642  # and never fewer than the report's least
+
+
+def test_richer_outlines_get_more_vertices():
+    star = disc(80)
+    star[:, 120:136] = False  # a slot splits it in two
+    rich, plain = choose_count(star[None]), choose_count(disc(80)[None])
+    assert rich > 1.5 * plain
+
+
+@pytest.mark.parametrize("vertices", [642, None])
+def test_the_first_sphere_is_aligned_to_the_first_silhouette(vertices):
     views = np.stack([box(256, 30, 100, 90, 220), box(256, 0, 0, 9, 9)])
+    cameras = turntable(2, 256)
     expected = align_to_box(unit_sphere(642).vertices, views[0])
-    np.testing.assert_allclose(first_mesh("sphere", count, "bbox", views).vertices, expected)
-    plain = first_mesh("sphere", count, "none", views)
+    placed = first_mesh(Init("sphere", vertices), views, cameras).mesh
+    np.testing.assert_allclose(placed.vertices, expected)
+    plain = first_mesh(Init("sphere", vertices, "none"), views, cameras).mesh
     np.testing.assert_allclose(plain.vertices, unit_sphere(642).vertices)

@@ -95,6 +95,7 @@ def results(tmp_path_factory):
         vertices=162,
         align="none",
         output=out / "first.ply",
+        report=out / "init.json",
     )
     variant = out / "object" / "variant"
     call(
@@ -122,6 +123,7 @@ def results(tmp_path_factory):
         cameras=variant / "cameras.json",
         loss=variant / "loss.csv",
         scene=out / "scene",
+        first=out / "init.json",
         truth=root / "truth.ply",
         sigma=SETTINGS["sigma"],
         holdout=4,
@@ -212,6 +214,7 @@ def test_silhouettes_may_lie_outside_the_results(results, tmp_path):
         loss=variant / "loss.csv",
         sigma=SETTINGS["sigma"],
         scene=results / "scene",
+        first=results / "init.json",
         results=results / "object",
         output=tmp_path / "metrics.json",
     )

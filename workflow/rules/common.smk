@@ -56,12 +56,29 @@ def unmasked_attempt(wildcards):
     return {"unmasked": folder} if w.masks == "fallback" else {}
 
 
+def first_settings(wildcards):
+    """The arguments of a first mesh; those of the report's fit where it is chosen by one."""
+    init = with_first(wildcards).init
+    settings = (
+        f"--shape {init.shape} --vertices {init.vertices} --align {init.align}"
+        f" --genus {init.genus}"
+    )
+    if init.shape != "auto":
+        return settings
+    trial = SoftRasFit()
+    return settings + (
+        f" --learning-rate {trial.learning_rate} --betas {trial.betas[0]} {trial.betas[1]}"
+        f" --sigma {trial.sigma} --laplacian {trial.weights.laplacian}"
+        f" --flatten {trial.weights.flatten}"
+    )
+
+
 def fit_inputs(wildcards):
     """The stages that a fit stands on."""
     run = plan.run(wildcards.object, wildcards.variant)
     stages = f"results/{wildcards.object}/stages"
     return {
-        "first": f"{stages}/first/{run.first_key}.ply",
+        "first": f"{stages}/first/{run.first_key}/first.ply",
         "scene": f"{stages}/scenes/{run.scene_key}",
     }
 
@@ -96,6 +113,7 @@ def evaluate_inputs(wildcards):
     stages = fit_inputs(wildcards)
     return {
         "scene": stages["scene"],
+        "first": stages["first"].replace("first.ply", "init.json"),
         "truth": f"results/{wildcards.object}/stages/truth.ply" if truth else [],
     }
 

@@ -23,6 +23,6 @@ rule evaluate:
         "{wildcards.object}/{wildcards.variant}: evaluating"
     shell:
         "python -m silmesh.steps.evaluate --mesh {input.mesh:q} --cameras {input.cameras:q}"
-        " --loss {input.loss:q} --scene {input.scene:q}"
+        " --loss {input.loss:q} --scene {input.scene:q} --first {input.first:q}"
         " {params.truth} {params.settings}"
         " --threads {threads} --output {output:q} 2> {log:q}"

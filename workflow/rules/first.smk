@@ -1,5 +1,5 @@
 # requires  the scene
-# makes     a first mesh at unit size
+# makes     a first mesh at unit size, and what is to be said of it
 # runs      silmesh.steps.first
 
 
@@ -7,17 +7,17 @@ rule first:
     input:
         scene=lambda w: f"results/{w.object}/stages/scenes/{with_first(w).scene_key}",
     output:
-        "results/{object}/stages/first/{first}.ply",
+        mesh="results/{object}/stages/first/{first}/first.ply",
+        report="results/{object}/stages/first/{first}/init.json",
     log:
         "logs/first/{object}-{first}.log",
     priority: 5
+    threads: 2
     params:
-        settings=lambda w: "--shape {0.shape} --vertices {0.vertices} --align {0.align}".format(
-            with_first(w).init
-        ),
+        settings=first_settings,
         code=code_digest("silmesh.steps.first"),
     message:
         "{wildcards.object}: making the first mesh {wildcards.first}"
     shell:
         "python -m silmesh.steps.first --scene {input.scene:q} {params.settings}"
-        " --output {output:q} 2> {log:q}"
+        " --threads {threads} --output {output.mesh:q} --report {output.report:q} 2> {log:q}"

@@ -212,6 +212,8 @@ def _describe_object(
             "variant": variant,
             "values": {m.key: show(metrics[object_, variant].get(m.key), m) for m in METRICS},
             "incoherent": is_incoherent(metrics[object_, variant]),
+            "doubtful": metrics[object_, variant].get("hull_doubtful"),
+            "first": describe_first(metrics[object_, variant].get("first", {})),
             "picture": _embed_png(pictures[object_, variant].read_bytes()),
             "thumbnail": _embed_thumbnail(pictures[object_, variant]),
             "cameras": metrics[object_, variant].get("cameras"),
@@ -279,6 +281,18 @@ def show(value: Any, metric: Metric) -> str:
     if metric.form.endswith("d") and value != int(value):
         return f"{value:.4g}"
     return format(int(value) if metric.form.endswith("d") else value, metric.form)
+
+
+def describe_first(told: Mapping[str, Any]) -> dict[str, Any]:
+    """What the page says of a first mesh, from its ``init.json``."""
+    return {
+        "shape": told.get("shape"),
+        "scores": {
+            shape: [format(score[when], ".4f") for when in ("before", "after")]
+            for shape, score in told.get("scores", {}).items()
+        },
+        "warnings": told.get("warnings", []),
+    }
 
 
 def is_incoherent(values: Mapping[str, Any]) -> bool:

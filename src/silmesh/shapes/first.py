@@ -1,26 +1,157 @@
-"""The first mesh that a configuration names."""
+"""The first mesh that a configuration names, and what a person should know of it."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 import trimesh
 
-from silmesh.shapes.place import align_to_box, choose_count
-from silmesh.shapes.sphere import unit_sphere
+from silmesh.cameras.camera import Cameras
+from silmesh.errors import InputError
+from silmesh.shapes.carved import Carved, EmptyHull, hull_mesh, prism_mesh
+from silmesh.shapes.choose import VERTICES, Score, Trial, score_meshes
+from silmesh.shapes.ellipsoid import is_cut
+from silmesh.shapes.place import align_to_box, choose_count, choose_report_count, to_unit
+from silmesh.shapes.primitives import PRIMITIVES, placed_primitive, plain_primitive
+from silmesh.shapes.sphere import FEWEST, unit_sphere
 
-SHAPES = {"sphere": unit_sphere}
+CARVED: dict[str, Callable[[np.ndarray, Cameras, int, str], Carved]] = {
+    "prism": prism_mesh,
+    "hull": hull_mesh,
+}
+PLACED = (*PRIMITIVES, *CARVED)  # in the world, by all views; what `auto` chooses of
+SHAPES = ("sphere", *PLACED, "auto")
+FALLBACK = "ellipsoid"
+LOST = 0.001  # of a carved body's volume in other pieces, from which on a person is told
+NAMED = 5  # views that a warning names
+UNIT = 2.0  # the fit halves a first mesh, so one in the world is written twice as large
+
+
+@dataclass(frozen=True)
+class Init:
+    """What is asked for.
+
+    Attributes:
+        shape: one of ``SHAPES``
+        vertices: how many, or None for as many as the silhouettes ask for
+        align: ``none`` for the origin at unit size; ``bbox`` for where the silhouettes are: of a
+            sphere the report's scale and shift to the first, of others in all of them
+        genus: whether a carved body may ``keep`` its tunnels or is to be a ``sphere``
+    """
+
+    shape: str
+    vertices: int | None = None
+    align: str = "bbox"
+    genus: str = "keep"
+
+
+@dataclass(frozen=True)
+class First:
+    """A first mesh at unit size, and what ``init.json`` says of it."""
+
+    mesh: trimesh.Trimesh
+    told: Mapping[str, Any]
 
 
 def first_mesh(
-    shape: str, vertices: int | str, align: str, silhouettes: np.ndarray
-) -> trimesh.Trimesh:
+    init: Init, silhouettes: np.ndarray, cameras: Cameras, trial: Trial | None = None
+) -> First:
     """Make a first mesh at unit size; the fit halves it.
 
+    Where a hull is asked for that is empty, it is the ellipsoid, with a warning.
+
     Args:
-        shape: a key of ``SHAPES``
-        vertices: how many, or ``auto``
-        align: ``none``, or ``bbox`` for the report's scale and shift to the first silhouette
+        init: what is asked for
         silhouettes: [views, height, width] bool
+        cameras: of these views, in the normalised world
+        trial: fits for a few steps; needed for ``auto``
+
+    Raises:
+        InputError: too few vertices
     """
-    mesh = SHAPES[shape](choose_count(silhouettes) if vertices == "auto" else int(vertices))
-    if align == "bbox":
-        mesh.vertices = align_to_box(mesh.vertices, silhouettes[0])
-    return mesh
+    if init.vertices is not None and init.vertices < FEWEST:
+        raise InputError(f"a first mesh of {init.vertices} vertices: should have at least {FEWEST}")
+    scores, warnings = {}, []
+    shape = init.shape
+    if shape == "auto":
+        scores, warnings = _score(init, silhouettes, cameras, trial)
+        shape = next(iter(scores))
+    try:
+        mesh, told = _make(replace(init, shape=shape), silhouettes, cameras)
+    except EmptyHull as error:
+        shape = FALLBACK
+        warnings.append(f"{error}; the first mesh is the {FALLBACK} instead")
+        mesh, told = _make(replace(init, shape=shape), silhouettes, cameras)
+    described = {
+        "asked": init.shape,
+        "shape": shape,
+        "vertices": len(mesh.vertices),
+        "faces": len(mesh.faces),
+        "genus": 1 - mesh.euler_number // 2,
+        **told,
+        "scores": {name: asdict(score) for name, score in scores.items()},
+        "warnings": [*warnings, *_warnings(told, silhouettes, cameras)],
+    }
+    return First(mesh, described)
+
+
+def _make(
+    init: Init, silhouettes: np.ndarray, cameras: Cameras
+) -> tuple[trimesh.Trimesh, dict[str, Any]]:
+    """A first mesh at unit size, and what is told of a carved one."""
+    if init.shape == "sphere":
+        mesh = unit_sphere(init.vertices or choose_report_count(silhouettes))
+        if init.align == "bbox":
+            mesh.vertices = align_to_box(mesh.vertices, silhouettes[0])
+        return mesh, {}
+    vertices = init.vertices or choose_count(silhouettes)
+    told = {}
+    if init.shape in CARVED:
+        carved = CARVED[init.shape](silhouettes, cameras, vertices, init.genus)
+        mesh = carved.mesh
+        told = {name: getattr(carved, name) for name in ("tolerated", "pieces", "lost")}
+    elif init.align == "none":
+        mesh = plain_primitive(init.shape, vertices)
+    else:
+        mesh = placed_primitive(init.shape, vertices, silhouettes, cameras)
+    if init.align == "none":
+        return to_unit(mesh), told
+    mesh.apply_scale(UNIT)
+    return mesh, told
+
+
+def _score(
+    init: Init, silhouettes: np.ndarray, cameras: Cameras, trial: Trial | None
+) -> tuple[dict[str, Score], list[str]]:
+    """How every placed shape does, the best first, and why some are not among them."""
+    if trial is None:
+        raise ValueError("auto needs a trial")
+    meshes, warnings = {}, []
+    for shape in PLACED:
+        try:
+            small = replace(init, shape=shape, vertices=VERTICES)
+            meshes[shape], _ = _make(small, silhouettes, cameras)
+        except EmptyHull as error:
+            warnings.append(str(error))
+    return score_meshes(meshes, silhouettes, cameras, trial), warnings
+
+
+def _warnings(told: Mapping[str, Any], silhouettes: np.ndarray, cameras: Cameras) -> list[str]:
+    """What a person should know of the views and the pieces, in sentences."""
+    found = []
+    if told.get("lost", 0) > LOST:
+        found.append(
+            f"the body comes in {told['pieces']} pieces; the largest is kept, the others are "
+            f"{told['lost']:.1%} of the volume"
+        )
+    if told.get("tolerated"):
+        found.append(
+            f"the hull lets {told['tolerated']} of {len(cameras)} views disagree: of all views it "
+            "would not fill the silhouettes"
+        )
+    cut = [view for view, is_it in zip(cameras.views, is_cut(silhouettes), strict=True) if is_it]
+    if cut:
+        named = ", ".join(cut[:NAMED]) + (f" and {len(cut) - NAMED} more" if cut[NAMED:] else "")
+        found.append(f"the frame cuts the object in {named}: what lies beyond is not known")
+    return found

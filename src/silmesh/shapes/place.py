@@ -3,29 +3,56 @@
 import math
 
 import numpy as np
+import trimesh
+from skimage.measure import perimeter_crofton
+from skimage.morphology import convex_hull_image
 
 COUNTS = (642, 1352, 1922)  # what the report calls 600, 1,300 and 1,900 polygons
+MOST = 10_000  # vertices that `auto` takes
 EDGE = 5.0  # pixels: `auto` takes the fewest vertices whose edges in the image are this short
+DETAILED = 8  # views whose outlines are measured
 REPORT_SIZE = 256  # pixels of the images in which the report's alignment counts
 REPORT_RADIUS = 90  # pixels of the unit sphere, halved, in such an image
 
 
 def choose_count(silhouettes: np.ndarray) -> int:
-    """The fewest of 642, 1,352 and 1,922 vertices whose edges are a few pixels long.
+    """The fewest vertices whose edges are a few pixels long, the shorter the richer the outlines.
 
     A convex body's surface is four times its mean silhouette (Cauchy), and a closed mesh of n
-    vertices shares that among 2 n - 4 triangles; an even triangle of area a has edges of
-    sqrt(4 a / sqrt(3)).
+    vertices shares that among 2 n - 4 triangles; an even triangle with edges e has the area
+    sqrt(3) / 4 e^2. Where outlines are longer than their convex hulls', the surface is larger by
+    that factor, and the edges should be shorter by it.
 
     Args:
         silhouettes: [views, height, width] bool
     """
-    surface = 4 * silhouettes.sum(axis=(1, 2)).mean()
-    for count in COUNTS:
-        edge = math.sqrt(4 / math.sqrt(3) * surface / (2 * count - 4))
-        if edge <= EDGE:
-            return count
-    return COUNTS[-1]
+    detail = _detail(silhouettes)
+    surface = 4 * silhouettes.sum(axis=(1, 2)).mean() * detail
+    faces = surface / (math.sqrt(3) / 4 * (EDGE / detail) ** 2)
+    return int(np.clip(math.ceil(faces / 2 + 2), COUNTS[0], MOST))
+
+
+def choose_report_count(silhouettes: np.ndarray) -> int:
+    """The fewest of 642, 1,352 and 1,922 that are enough, or else the last."""
+    enough = choose_count(silhouettes)
+    return next((count for count in COUNTS if count >= enough), COUNTS[-1])
+
+
+def _detail(silhouettes: np.ndarray) -> float:
+    """How much longer the outlines are than those of their convex hulls, in a few views."""
+    count = min(DETAILED, len(silhouettes))
+    few = silhouettes[np.arange(count) * len(silhouettes) // count]
+    few = [s for s in few if s.sum() > 3]
+    around = [perimeter_crofton(s, 4) / perimeter_crofton(convex_hull_image(s), 4) for s in few]
+    return max(1.0, float(np.mean(around))) if few else 1.0
+
+
+def to_unit(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """The same mesh about the origin, as large as the unit sphere: ``align: none``."""
+    mesh = mesh.copy()
+    mesh.apply_translation(-mesh.bounds.mean(axis=0))
+    mesh.apply_scale(1 / np.linalg.norm(mesh.vertices, axis=1).max())
+    return mesh
 
 
 def align_to_box(verts: np.ndarray, silhouette: np.ndarray) -> np.ndarray:

@@ -1,11 +1,21 @@
 """Make the first mesh, at unit size."""
 
+import json
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+import torch
+import trimesh
+
+from silmesh.cameras.camera import Cameras
 from silmesh.files import replacing
+from silmesh.fitting.loop import run as run_fit
+from silmesh.fitting.softras import Settings, SoftRas
+from silmesh.meshes import to_tensors
 from silmesh.scene import SILHOUETTES, read_scene
-from silmesh.shapes.first import SHAPES, first_mesh
+from silmesh.shapes.first import SHAPES, Init, first_mesh
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import parser, run
 
@@ -17,13 +27,38 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--shape", choices=list(SHAPES), required=True)
     args.add_argument("--vertices", required=True, help="a number, or auto")
     args.add_argument("--align", choices=["none", "bbox"], required=True)
+    args.add_argument("--genus", choices=["keep", "sphere"], default="keep", help="of hull, prism")
+    args.add_argument("--learning-rate", type=float, default=0.01, help="of auto's trials")
+    args.add_argument("--betas", type=float, nargs=2, default=(0.5, 0.99), help="of auto's trials")
+    args.add_argument("--sigma", type=float, default=1e-4, help="of auto's trials")
+    args.add_argument("--laplacian", type=float, default=0.03, help="weight in auto's trials")
+    args.add_argument("--flatten", type=float, default=0.0003, help="weight in auto's trials")
+    args.add_argument("--threads", type=int, default=torch.get_num_threads())
     args.add_argument("--output", type=Path, required=True, help="PLY to write")
+    args.add_argument("--report", type=Path, required=True, help="init.json to write")
     given = args.parse_args(argv)
+    torch.set_num_threads(given.threads)
     cameras, _, _ = read_scene(given.scene)
     silhouettes = read_silhouettes(given.scene / SILHOUETTES, cameras.views)
-    mesh = first_mesh(given.shape, given.vertices, given.align, silhouettes)
+    vertices = None if given.vertices == "auto" else int(given.vertices)
+    init = Init(given.shape, vertices, given.align, given.genus)
+
+    def trial(
+        mesh: trimesh.Trimesh, cameras: Cameras, silhouettes: np.ndarray, steps: int
+    ) -> list[float]:
+        names = ("learning_rate", "betas", "sigma", "laplacian", "flatten")
+        settings = Settings(steps + 1, **{name: getattr(given, name) for name in names})
+        target = torch.tensor(silhouettes, dtype=torch.float32)
+        fit = SoftRas(*to_tensors(mesh), cameras, target, settings)
+        return [record.loss for record in run_fit(fit)]
+
+    first = first_mesh(init, silhouettes, cameras, trial)
+    for warning in first.told["warnings"]:
+        print(f"silmesh: {given.scene}: {warning}", file=sys.stderr)
     with replacing(given.output) as part:
-        mesh.export(part)
+        first.mesh.export(part)
+    with replacing(given.report) as part:
+        part.write_text(json.dumps(first.told, indent=1) + "\n")
 
 
 if __name__ == "__main__":

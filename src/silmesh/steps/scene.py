@@ -10,10 +10,12 @@ import torch
 from silmesh.agreement import Placed, choose, place, refused_or
 from silmesh.cameras.attempt import Attempt, read_attempt
 from silmesh.errors import InputError, blaming
+from silmesh.hull import find_doubtful
 from silmesh.scene import SILHOUETTES, VIEWS, write_scene
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import parser, run
 
+COHERENT = 0.9  # below this hull IoU the views that lower it most are named
 DOUBTFUL = 0.5  # below this hull IoU a person is told before the fit, not only on the page
 
 
@@ -33,10 +35,12 @@ def main(argv: Sequence[str] | None = None) -> None:
         raise InputError("; ".join(dict.fromkeys(str(attempt.refusal) for attempt in attempts)))
     index, why = choose(attempts, placed)
     attempt, best = attempts[index], placed[index]
+    doubtful = _name_doubtful(best, given.silhouettes)
     told = {
         "cameras": attempt.source,
         "cameras_because": why,
         "dropped": dict(attempt.dropped),
+        "doubtful": doubtful,
         "warnings": list(attempt.warnings),
         "figures": dict(attempt.figures),
         "attempts": [
@@ -56,9 +60,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     if len(attempts) > 1:
         print(f"{given.silhouettes}: cameras from {attempt.source} are taken. {why}")
     if best.mean < DOUBTFUL:
+        blamed = f", to be doubted first: {', '.join(doubtful)}" if doubtful else ""
         print(
             f"warning: {given.silhouettes} and {given.cameras[index]} hardly agree: hull IoU "
-            f"{best.mean:.2f}. The fit will be poor unless the cameras (a turntable's "
+            f"{best.mean:.2f}{blamed}. The fit will be poor unless the cameras (a turntable's "
             "distance, elevation and step) are those of the photographs"
         )
 
@@ -74,6 +79,15 @@ def _place(folder: Path, given: Namespace) -> tuple[Attempt, Placed | None]:
             return attempt, place(attempt.cameras, seen, given.keep_world)
     except InputError as error:
         return replace(attempt, refusal=str(error)), None
+
+
+def _name_doubtful(best: Placed, silhouettes: Path) -> list[str]:
+    """The views that lower the coherence most, if it is low."""
+    if best.mean >= COHERENT:
+        return []
+    views = best.cameras.views
+    seen = best.straightened.silhouettes(read_silhouettes(silhouettes, views))
+    return [views[i] for i in find_doubtful(seen, best.cameras)]
 
 
 if __name__ == "__main__":

@@ -1,0 +1,223 @@
+"""Bodies that are carved: the visual hull of all views, and the prism of two.
+
+Their surfaces are drawn from a sampled field, in one piece, and given even triangles.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import trimesh
+from scipy.ndimage import distance_transform_edt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from silmesh.cameras.camera import OBJECT_RADIUS, Cameras
+from silmesh.errors import InputError
+from silmesh.hull import Hull, carve, find_doubtful
+from silmesh.shapes.ellipsoid import find_ellipsoid
+from silmesh.shapes.even import even_mesh
+from silmesh.shapes.looks import look_smaller, mean_iou, render
+
+RESOLUTION = 128  # samples a side
+FINER = 3  # times as many vertices as are wanted has the surface that is remeshed, if it can
+ALIKE = 0.01  # of the volume: a coarser surface that is off by no more may stand for the finest
+COHERENT = 0.9  # a hull with this IoU needs no disagreeing views
+TOLERATED = (0, 1, 2, 4, 8)  # how many disagreeing views are tried
+MOST_TOLERATED = 1 / 6  # of all views
+SIZE, VIEWS, SAMPLES = 96, 18, 48  # of the looks in which that is tried
+CLOSINGS = (1, 2, 3, 4, 6, 8, 12, 16, 24)  # samples by which tunnels are closed
+ACROSS = 0.9  # largest cosine between two views' axes from which one tells the other's depth
+
+
+class EmptyHull(InputError):  # noqa: N818
+    """The silhouettes and cameras leave nothing; says which views empty it."""
+
+
+@dataclass(frozen=True)
+class Carved:
+    """A carved body, and what a person should know of it.
+
+    Attributes:
+        mesh: closed, in one piece, oriented outwards
+        tolerated: how many views were let disagree
+        pieces: how many it came in, of which the largest is kept
+        lost: the others' share of the volume
+        genus: tunnels through the mesh
+    """
+
+    mesh: trimesh.Trimesh
+    tolerated: int
+    pieces: int
+    lost: float
+    genus: int
+
+
+def hull_mesh(silhouettes: np.ndarray, cameras: Cameras, vertices: int, genus: str) -> Carved:
+    """The visual hull as a first mesh.
+
+    Args:
+        silhouettes: [views, height, width] bool
+        cameras: of these views, in the normalised world
+        vertices: how many
+        genus: ``keep`` its tunnels, or close them for a ``sphere``
+
+    Raises:
+        EmptyHull: names the views that empty it
+    """
+    tolerated = choose_tolerated(silhouettes, cameras)
+    hull = carve(silhouettes, cameras, RESOLUTION, tolerated)
+    if hull.empty:
+        views = [cameras.views[i] for i in find_doubtful(silhouettes, cameras)]
+        raise EmptyHull(
+            "the visual hull is empty: the cameras and the silhouettes contradict each other, most "
+            f"of all in {', '.join(views)}"
+        )
+    return replace(draw(hull, vertices, genus), tolerated=tolerated)
+
+
+def prism_mesh(silhouettes: np.ndarray, cameras: Cameras, vertices: int, genus: str) -> Carved:
+    """The silhouette of the view that sees most, extruded through the depth another view shows.
+
+    Args:
+        silhouettes, cameras, vertices, genus: as for ``hull_mesh``
+    """
+    ellipsoid = find_ellipsoid(silhouettes, cameras)
+    depths = cameras.R[:, 2].numpy() @ ellipsoid.centre + cameras.t[:, 2].numpy()
+    focal = cameras.K[:, 0, 0].numpy()
+    front = int((silhouettes.sum(axis=(1, 2)) * (depths / focal) ** 2).argmax())
+    axis = cameras.R[front, 2].numpy()
+    middle = float(axis @ ellipsoid.centre)
+    low, high = _depth(silhouettes, cameras, ellipsoid.centre, axis)
+    cone = carve(silhouettes[[front]], cameras.select([front]), RESOLUTION)
+    steps = [axis[i] * (cone.origin[i] + np.arange(RESOLUTION) * cone.spacing[i]) for i in range(3)]
+    along = steps[0][:, None, None] + steps[1][:, None] + steps[2] - middle
+    inside = np.minimum(along - low, high - along) * focal[front] / depths[front]
+    field = np.minimum(cone.field, inside.astype(np.float32))
+    if not (field > 0).any():
+        raise EmptyHull(f"the prism of view {cameras.views[front]!r} is empty")
+    return draw(_trimmed(Hull(field, cone.origin, cone.spacing)), vertices, genus)
+
+
+def _depth(
+    silhouettes: np.ndarray, cameras: Cameras, centre: np.ndarray, axis: np.ndarray
+) -> tuple[float, float]:
+    """How far the object reaches from its centre along an axis, seen most from the side.
+
+    Each pixel's ray is followed to the plane through the centre that faces its camera.
+    """
+    facing = cameras.R[:, 2].numpy()
+    side = int(np.abs(facing @ axis).argmin())
+    across = axis - (axis @ facing[side]) * facing[side]
+    if np.abs(facing[side] @ axis) > ACROSS:
+        return -OBJECT_RADIUS / 2, OBJECT_RADIUS / 2
+    pixels = np.argwhere(silhouettes[side])[:, ::-1] + 0.5
+    K, R, t = (part[side].numpy() for part in (cameras.K, cameras.R, cameras.t))
+    seen = np.concatenate([pixels, np.ones((len(pixels), 1))], axis=1) @ np.linalg.inv(K).T
+    depth = facing[side] @ centre + t[2]
+    points = (seen * depth - t) @ R
+    reach = (points - centre) @ across / np.linalg.norm(across)
+    return float(reach.min()), float(reach.max())
+
+
+def _trimmed(hull: Hull) -> Hull:
+    """Without most of what lies outside, so that no coarser sampling is coarser than it need be."""
+    filled = np.argwhere(hull.field > 0)
+    low = np.maximum(filled.min(axis=0) - 2, 0)
+    high = filled.max(axis=0) + 3
+    field = hull.field[tuple(slice(a, b) for a, b in zip(low, high, strict=True))]
+    return Hull(field, hull.origin + low * hull.spacing, hull.spacing)
+
+
+def choose_tolerated(silhouettes: np.ndarray, cameras: Cameras) -> int:
+    """How many views may disagree: none if the hull fills the silhouettes, else what does it best.
+
+    With n views from all around a hull that lets one disagree is only little thicker; that of few
+    views would be much thicker, so that no more than a sixth of them may.
+    """
+    seen, eyes = look_smaller(silhouettes, cameras, SIZE, len(cameras))
+    best, chosen = -1.0, 0
+    for tolerated in TOLERATED:
+        if tolerated > MOST_TOLERATED * len(cameras):
+            break
+        hull = carve(seen, eyes, SAMPLES, tolerated)
+        iou = 0.0 if hull.empty else _hull_iou(hull, seen, eyes)
+        if iou > best:
+            best, chosen = iou, tolerated
+        if iou >= COHERENT:
+            break
+    return chosen
+
+
+def _hull_iou(hull: Hull, silhouettes: np.ndarray, cameras: Cameras) -> float:
+    seen, eyes = look_smaller(silhouettes, cameras, SIZE, VIEWS)
+    mesh = trimesh.Trimesh(*hull.surface(), process=False)
+    return mean_iou(render(mesh, eyes, seen.shape[1:]), seen)
+
+
+def draw(hull: Hull, vertices: int, genus: str) -> Carved:
+    """A field's surface as a mesh of so many vertices, its largest piece only.
+
+    Tunnels that are narrower than an edge are closed: no triangle would go through them.
+    """
+    surface, pieces, lost = _largest(hull)
+    if surface.euler_number != 2:
+        edge = np.sqrt(surface.area / (np.sqrt(3) / 2 * vertices))
+        narrow = max(1, round(edge / 2 / float(hull.spacing.mean())))
+        hull = _close_tunnels(hull, CLOSINGS if genus == "sphere" else (narrow,))
+        surface, _, _ = _largest(hull)
+    for every in (3, 2):
+        coarser, _, _ = _largest(hull.coarser(every))
+        alike = abs(coarser.volume - surface.volume) < ALIKE * surface.volume
+        same = coarser.euler_number == surface.euler_number
+        if alike and same and len(coarser.vertices) > FINER * vertices:
+            surface = coarser
+            break
+    mesh = even_mesh(surface, vertices)
+    return Carved(mesh, 0, pieces, lost, 1 - mesh.euler_number // 2)
+
+
+def _largest(hull: Hull) -> tuple[trimesh.Trimesh, int, float]:
+    """The surface of a field's largest piece, how many pieces there are, and the others' share.
+
+    Walls of hollows inside, whose volume is negative, are left out and not counted.
+    """
+    verts, faces = hull.surface()
+    edges = np.concatenate([faces[:, :2], faces[:, 1:]])
+    graph = coo_array((np.ones(len(edges)), edges.T), shape=(len(verts), len(verts)))
+    _, piece = connected_components(graph, directed=False)
+    volume = np.bincount(piece[faces[:, 0]], _volumes(verts, faces), minlength=piece.max() + 1)
+    largest = int(volume.argmax())
+    kept = faces[piece[faces[:, 0]] == largest]
+    used, numbered = np.unique(kept, return_inverse=True)
+    mesh = trimesh.Trimesh(verts[used], numbered.reshape(-1, 3), process=False)
+    solid = volume[volume > 0]
+    return mesh, len(solid), float(1 - volume[largest] / solid.sum())
+
+
+def _volumes(verts: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    a, b, c = (verts[faces[:, i]] for i in range(3))
+    return (a * np.cross(b, c)).sum(axis=1) / 6
+
+
+def _close_tunnels(hull: Hull, radii: Sequence[int]) -> Hull:
+    """Grow the body and shrink it again, by the first of these radii that leaves no tunnel.
+
+    Where that fills nothing the field stays as it is, finer than its samples.
+
+    Args:
+        radii: in samples, rising; if none of them leaves no tunnel it is the last
+    """
+    for radius in radii:
+        margin = radius + 2
+        solid = np.pad(hull.field > 0, margin)
+        grown = distance_transform_edt(~solid) - 0.5 < radius
+        shrunk = distance_transform_edt(grown) - 0.5 - radius
+        filled = np.where(solid, 0, np.maximum(shrunk, 0)).astype(np.float32)
+        field = np.pad(hull.field, margin, constant_values=hull.field.min())
+        closed = Hull(
+            np.where(filled > 0, filled, field), hull.origin - margin * hull.spacing, hull.spacing
+        )
+        if _largest(closed)[0].euler_number == 2:
+            break
+    return closed
