@@ -27,6 +27,7 @@ TOLERATED = (0, 1, 2, 4, 8)  # how many disagreeing views are tried
 MOST_TOLERATED = 1 / 6  # of all views
 SIZE, VIEWS, SAMPLES = 96, 18, 48  # of the looks in which that is tried
 CLOSINGS = (1, 2, 3, 4, 6, 8, 12, 16, 24)  # samples by which tunnels are closed
+FRONTS = 8  # views whose prisms are tried
 ACROSS = 0.9  # largest cosine between two views' axes from which one tells the other's depth
 
 
@@ -77,26 +78,40 @@ def hull_mesh(silhouettes: np.ndarray, cameras: Cameras, vertices: int, genus: s
 
 
 def prism_mesh(silhouettes: np.ndarray, cameras: Cameras, vertices: int, genus: str) -> Carved:
-    """The silhouette of the view that sees most, extruded through the depth another view shows.
+    """The silhouette of one view, extruded through the depth that another shows.
+
+    Of several views the one is taken whose prism fills the silhouettes best.
 
     Args:
         silhouettes, cameras, vertices, genus: as for ``hull_mesh``
     """
-    ellipsoid = find_ellipsoid(silhouettes, cameras)
-    depths = cameras.R[:, 2].numpy() @ ellipsoid.centre + cameras.t[:, 2].numpy()
-    focal = cameras.K[:, 0, 0].numpy()
-    front = int((silhouettes.sum(axis=(1, 2)) * (depths / focal) ** 2).argmax())
+    centre = find_ellipsoid(silhouettes, cameras).centre
+    tried = np.unique(np.arange(FRONTS) * len(cameras) // FRONTS)
+    coarse = {front: _prism(silhouettes, cameras, centre, front, SAMPLES) for front in tried}
+    filled = {front: hull for front, hull in coarse.items() if not hull.empty}
+    if not filled:
+        raise EmptyHull("no view's silhouette can be extruded: they miss each other")
+    best = max(filled, key=lambda front: _hull_iou(filled[front], silhouettes, cameras))
+    return draw(_prism(silhouettes, cameras, centre, best, RESOLUTION), vertices, genus)
+
+
+def _prism(
+    silhouettes: np.ndarray, cameras: Cameras, centre: np.ndarray, front: int, resolution: int
+) -> Hull:
+    """The cone of one view between two planes that face it."""
     axis = cameras.R[front, 2].numpy()
-    middle = float(axis @ ellipsoid.centre)
-    low, high = _depth(silhouettes, cameras, ellipsoid.centre, axis)
-    cone = carve(silhouettes[[front]], cameras.select([front]), RESOLUTION)
-    steps = [axis[i] * (cone.origin[i] + np.arange(RESOLUTION) * cone.spacing[i]) for i in range(3)]
-    along = steps[0][:, None, None] + steps[1][:, None] + steps[2] - middle
-    inside = np.minimum(along - low, high - along) * focal[front] / depths[front]
-    field = np.minimum(cone.field, inside.astype(np.float32))
-    if not (field > 0).any():
-        raise EmptyHull(f"the prism of view {cameras.views[front]!r} is empty")
-    return draw(_trimmed(Hull(field, cone.origin, cone.spacing)), vertices, genus)
+    depth = float(axis @ centre + cameras.t[front, 2])
+    low, high = _depth(silhouettes, cameras, centre, axis)
+    cone = carve(silhouettes[[front]], cameras.select([front]), resolution)
+    steps = [
+        part * (first + np.arange(n) * step)
+        for part, first, n, step in zip(
+            axis, cone.origin, cone.field.shape, cone.spacing, strict=True
+        )
+    ]
+    along = steps[0][:, None, None] + steps[1][:, None] + steps[2] - axis @ centre
+    inside = np.minimum(along - low, high - along) * float(cameras.K[front, 0, 0]) / depth
+    return Hull(np.minimum(cone.field, inside.astype(np.float32)), cone.origin, cone.spacing)
 
 
 def _depth(
@@ -118,15 +133,6 @@ def _depth(
     points = (seen * depth - t) @ R
     reach = (points - centre) @ across / np.linalg.norm(across)
     return float(reach.min()), float(reach.max())
-
-
-def _trimmed(hull: Hull) -> Hull:
-    """Without most of what lies outside, so that no coarser sampling is coarser than it need be."""
-    filled = np.argwhere(hull.field > 0)
-    low = np.maximum(filled.min(axis=0) - 2, 0)
-    high = filled.max(axis=0) + 3
-    field = hull.field[tuple(slice(a, b) for a, b in zip(low, high, strict=True))]
-    return Hull(field, hull.origin + low * hull.spacing, hull.spacing)
 
 
 def choose_tolerated(silhouettes: np.ndarray, cameras: Cameras) -> int:
