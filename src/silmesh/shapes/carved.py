@@ -26,7 +26,7 @@ COHERENT = 0.9  # a hull with this IoU needs no disagreeing views
 TOLERATED = (0, 1, 2, 4, 8)  # how many disagreeing views are tried
 MOST_TOLERATED = 1 / 6  # of all views
 SIZE, VIEWS, SAMPLES = 96, 18, 48  # of the looks in which that is tried
-CLOSINGS = (1, 2, 3, 4, 6, 8, 12, 16, 24)  # samples by which tunnels are closed
+CLOSINGS = np.array([1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2])  # of the body: radii that close tunnels
 FRONTS = 8  # views whose prisms are tried
 ACROSS = 0.9  # largest cosine between two views' axes from which one tells the other's depth
 
@@ -168,9 +168,12 @@ def draw(hull: Hull, vertices: int, genus: str) -> Carved:
     """
     surface, pieces, lost = _largest(hull)
     if surface.euler_number != 2:
-        edge = np.sqrt(surface.area / (np.sqrt(3) / 2 * vertices))
-        narrow = max(1, round(edge / 2 / float(hull.spacing.mean())))
-        hull = _close_tunnels(hull, CLOSINGS if genus == "sphere" else (narrow,))
+        if genus == "sphere":
+            hull = hull.coarser(2)  # what it closes is wide
+            radii = CLOSINGS * float(surface.extents.max())
+        else:
+            radii = [float(np.sqrt(surface.area / (np.sqrt(3) / 2 * vertices))) / 2]
+        hull = _close_tunnels(hull, radii)
         surface, _, _ = _largest(hull)
     for every in (3, 2):
         coarser, _, _ = _largest(hull.coarser(every))
@@ -206,24 +209,24 @@ def _volumes(verts: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return (a * np.cross(b, c)).sum(axis=1) / 6
 
 
-def _close_tunnels(hull: Hull, radii: Sequence[int]) -> Hull:
+def _close_tunnels(hull: Hull, radii: Sequence[float]) -> Hull:
     """Grow the body and shrink it again, by the first of these radii that leaves no tunnel.
 
     Where that fills nothing the field stays as it is, finer than its samples.
 
     Args:
-        radii: in samples, rising; if none of them leaves no tunnel it is the last
+        radii: in the world, rising; if none of them leaves no tunnel it is the last
     """
     for radius in radii:
-        margin = radius + 2
-        solid = np.pad(hull.field > 0, margin)
-        grown = distance_transform_edt(~solid) - 0.5 < radius
-        shrunk = distance_transform_edt(grown) - 0.5 - radius
+        margin = np.ceil(radius / hull.spacing).astype(int) + 2
+        around = [(n, n) for n in margin]
+        solid = np.pad(hull.field > 0, around)
+        grown = distance_transform_edt(~solid, sampling=hull.spacing) < radius
+        shrunk = distance_transform_edt(grown, sampling=hull.spacing) - radius
         filled = np.where(solid, 0, np.maximum(shrunk, 0)).astype(np.float32)
-        field = np.pad(hull.field, margin, constant_values=hull.field.min())
-        closed = Hull(
-            np.where(filled > 0, filled, field), hull.origin - margin * hull.spacing, hull.spacing
-        )
+        field = np.pad(hull.field, around, constant_values=hull.field.min())
+        origin = hull.origin - margin * hull.spacing
+        closed = Hull(np.where(filled > 0, filled, field), origin, hull.spacing)
         if _largest(closed)[0].euler_number == 2:
             break
     return closed
