@@ -3,9 +3,11 @@ import pytest
 import torch
 import trimesh
 from scenes import dome, silhouettes, turntable
+from scipy.ndimage import distance_transform_edt as edt
+from scipy.ndimage import map_coordinates
 
 from silmesh.evaluation import coherence
-from silmesh.hull import carve
+from silmesh.hull import carve, find_doubtful, signed_distance
 
 RADIUS, CENTRE = 0.3, np.array([0.1, -0.05, 0.12])
 BALL = 4 / 3 * np.pi * RADIUS**3
@@ -92,3 +94,73 @@ def test_a_silhouette_at_no_frame_carves_beyond_its_frame():
     seen = silhouettes(cameras, [0.2] * 3)
     mesh = surface(carve(seen, cameras, resolution=48))
     assert np.abs(mesh.vertices[:, :2]).max() < 0.2 * 1.3 + PIXEL
+
+
+def twin(seen, cameras, hull, tolerated=0):
+    """The field of a grid, plainly: every view's signed distance at every sample, sorted."""
+    index = np.indices(hull.field.shape).reshape(3, -1).T
+    points = cameras.project(torch.as_tensor(hull.origin + index * hull.spacing)).numpy() - 0.5
+    signed = np.where(seen, 1.0, -1.0)
+    for i, s in enumerate(seen):
+        signed[i] = np.where(s, edt(s) - 0.5, 0.5 - edt(~s)).clip(-SIZE / 16, SIZE / 16) + 0.15
+    values = [
+        map_coordinates(d, p[:, ::-1].T, order=1, cval=-SIZE / 16)
+        for d, p in zip(signed, points, strict=True)
+    ]
+    return np.sort(values, axis=0)[tolerated].reshape(hull.field.shape)
+
+
+@pytest.mark.parametrize("tolerated", [0, 1, 3])
+def test_the_field_is_its_plain_twins_near_the_surface(ball, tolerated):
+    cameras, seen = ball
+    hull = carve(seen, cameras, 30, tolerated)
+    plain = twin(seen, cameras, hull, tolerated)
+    near = np.abs(plain) < 1
+    assert near.sum() > 500
+    np.testing.assert_allclose(hull.field[near], plain[near], atol=1e-4)
+    np.testing.assert_array_equal(hull.field > 0, plain > 0)
+
+
+def test_distances_are_those_of_scipy():
+    seen = np.random.default_rng(0).random((40, 50)) > 0.5
+    seen[10:30, 5:40] = True
+    plain = np.where(seen, edt(seen) - 0.5, 0.5 - edt(~seen)).clip(-4, 4)
+    np.testing.assert_allclose(signed_distance(seen, 4, grace=0), plain, atol=1e-6)
+    assert (signed_distance(np.ones((5, 6), bool), 4, grace=0) == 4).all()
+    assert (signed_distance(np.zeros((5, 6), bool), 4, grace=0) == -4).all()
+
+
+def test_a_hull_may_tolerate_a_view_that_disagrees(ball):
+    cameras, seen = ball
+    wrong = seen.copy()
+    wrong[7] = False
+    wrong[7, :5, :5] = True
+    assert carve(wrong, cameras, 32).empty
+    volume = surface(carve(wrong, cameras, 64, tolerated=1)).volume
+    assert 0.97 < volume / BALL < 1.1
+
+
+def test_the_view_to_doubt_is_the_one_that_cuts_off_what_no_other_does(ball):
+    cameras, seen = ball
+    wrong = seen.copy()
+    wrong[7] &= np.arange(SIZE) < np.flatnonzero(seen[7].any(axis=0)).mean()
+    assert find_doubtful(wrong, cameras) == [7]
+
+
+def test_of_an_empty_hull_those_are_doubted_that_empty_it():
+    cameras = turntable(8, SIZE)
+    seen = silhouettes(cameras, [0.15] * 3, [0, 0.2, 0])
+    low = silhouettes(cameras, [0.15] * 3, [0, -0.2, 0])
+    seen[2], seen[5] = low[2], low[5]
+    assert carve(seen, cameras).empty
+    assert find_doubtful(seen, cameras) == [2, 5]
+
+
+def test_a_coarser_field_is_the_same_where_it_is_sampled(ball):
+    cameras, seen = ball
+    hull = carve(seen, cameras, 33)
+    coarser = hull.coarser(2)
+    np.testing.assert_array_equal(coarser.field, hull.field[::2, ::2, ::2])
+    np.testing.assert_allclose(
+        coarser.origin + 16 * coarser.spacing, hull.origin + 32 * hull.spacing
+    )

@@ -26,7 +26,8 @@ COHERENT = 0.9  # a hull with this IoU needs no disagreeing views
 TOLERATED = (0, 1, 2, 4, 8)  # how many disagreeing views are tried
 MOST_TOLERATED = 1 / 6  # of all views
 SIZE, VIEWS, SAMPLES = 96, 18, 48  # of the looks in which that is tried
-CLOSINGS = (1, 2, 3, 4, 6, 8, 12, 16, 24)  # samples by which tunnels are closed
+CLOSINGS = np.array([1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2])  # of the body: radii that close tunnels
+FRONTS = 8  # views whose prisms are tried
 ACROSS = 0.9  # largest cosine between two views' axes from which one tells the other's depth
 
 
@@ -77,26 +78,40 @@ def hull_mesh(silhouettes: np.ndarray, cameras: Cameras, vertices: int, genus: s
 
 
 def prism_mesh(silhouettes: np.ndarray, cameras: Cameras, vertices: int, genus: str) -> Carved:
-    """The silhouette of the view that sees most, extruded through the depth another view shows.
+    """The silhouette of one view, extruded through the depth that another shows.
+
+    Of several views the one is taken whose prism fills the silhouettes best.
 
     Args:
         silhouettes, cameras, vertices, genus: as for ``hull_mesh``
     """
-    ellipsoid = find_ellipsoid(silhouettes, cameras)
-    depths = cameras.R[:, 2].numpy() @ ellipsoid.centre + cameras.t[:, 2].numpy()
-    focal = cameras.K[:, 0, 0].numpy()
-    front = int((silhouettes.sum(axis=(1, 2)) * (depths / focal) ** 2).argmax())
+    centre = find_ellipsoid(silhouettes, cameras).centre
+    tried = np.unique(np.arange(FRONTS) * len(cameras) // FRONTS)
+    coarse = {front: _prism(silhouettes, cameras, centre, front, SAMPLES) for front in tried}
+    filled = {front: hull for front, hull in coarse.items() if not hull.empty}
+    if not filled:
+        raise EmptyHull("no view's silhouette can be extruded: they miss each other")
+    best = max(filled, key=lambda front: _hull_iou(filled[front], silhouettes, cameras))
+    return draw(_prism(silhouettes, cameras, centre, best, RESOLUTION), vertices, genus)
+
+
+def _prism(
+    silhouettes: np.ndarray, cameras: Cameras, centre: np.ndarray, front: int, resolution: int
+) -> Hull:
+    """The cone of one view between two planes that face it."""
     axis = cameras.R[front, 2].numpy()
-    middle = float(axis @ ellipsoid.centre)
-    low, high = _depth(silhouettes, cameras, ellipsoid.centre, axis)
-    cone = carve(silhouettes[[front]], cameras.select([front]), RESOLUTION)
-    steps = [axis[i] * (cone.origin[i] + np.arange(RESOLUTION) * cone.spacing[i]) for i in range(3)]
-    along = steps[0][:, None, None] + steps[1][:, None] + steps[2] - middle
-    inside = np.minimum(along - low, high - along) * focal[front] / depths[front]
-    field = np.minimum(cone.field, inside.astype(np.float32))
-    if not (field > 0).any():
-        raise EmptyHull(f"the prism of view {cameras.views[front]!r} is empty")
-    return draw(_trimmed(Hull(field, cone.origin, cone.spacing)), vertices, genus)
+    depth = float(axis @ centre + cameras.t[front, 2])
+    low, high = _depth(silhouettes, cameras, centre, axis)
+    cone = carve(silhouettes[[front]], cameras.select([front]), resolution)
+    steps = [
+        part * (first + np.arange(n) * step)
+        for part, first, n, step in zip(
+            axis, cone.origin, cone.field.shape, cone.spacing, strict=True
+        )
+    ]
+    along = steps[0][:, None, None] + steps[1][:, None] + steps[2] - axis @ centre
+    inside = np.minimum(along - low, high - along) * float(cameras.K[front, 0, 0]) / depth
+    return Hull(np.minimum(cone.field, inside.astype(np.float32)), cone.origin, cone.spacing)
 
 
 def _depth(
@@ -118,15 +133,6 @@ def _depth(
     points = (seen * depth - t) @ R
     reach = (points - centre) @ across / np.linalg.norm(across)
     return float(reach.min()), float(reach.max())
-
-
-def _trimmed(hull: Hull) -> Hull:
-    """Without most of what lies outside, so that no coarser sampling is coarser than it need be."""
-    filled = np.argwhere(hull.field > 0)
-    low = np.maximum(filled.min(axis=0) - 2, 0)
-    high = filled.max(axis=0) + 3
-    field = hull.field[tuple(slice(a, b) for a, b in zip(low, high, strict=True))]
-    return Hull(field, hull.origin + low * hull.spacing, hull.spacing)
 
 
 def choose_tolerated(silhouettes: np.ndarray, cameras: Cameras) -> int:
@@ -162,9 +168,12 @@ def draw(hull: Hull, vertices: int, genus: str) -> Carved:
     """
     surface, pieces, lost = _largest(hull)
     if surface.euler_number != 2:
-        edge = np.sqrt(surface.area / (np.sqrt(3) / 2 * vertices))
-        narrow = max(1, round(edge / 2 / float(hull.spacing.mean())))
-        hull = _close_tunnels(hull, CLOSINGS if genus == "sphere" else (narrow,))
+        if genus == "sphere":
+            hull = hull.coarser(2)  # what it closes is wide
+            radii = CLOSINGS * float(surface.extents.max())
+        else:
+            radii = [float(np.sqrt(surface.area / (np.sqrt(3) / 2 * vertices))) / 2]
+        hull = _close_tunnels(hull, radii)
         surface, _, _ = _largest(hull)
     for every in (3, 2):
         coarser, _, _ = _largest(hull.coarser(every))
@@ -200,24 +209,24 @@ def _volumes(verts: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return (a * np.cross(b, c)).sum(axis=1) / 6
 
 
-def _close_tunnels(hull: Hull, radii: Sequence[int]) -> Hull:
+def _close_tunnels(hull: Hull, radii: Sequence[float]) -> Hull:
     """Grow the body and shrink it again, by the first of these radii that leaves no tunnel.
 
     Where that fills nothing the field stays as it is, finer than its samples.
 
     Args:
-        radii: in samples, rising; if none of them leaves no tunnel it is the last
+        radii: in the world, rising; if none of them leaves no tunnel it is the last
     """
     for radius in radii:
-        margin = radius + 2
-        solid = np.pad(hull.field > 0, margin)
-        grown = distance_transform_edt(~solid) - 0.5 < radius
-        shrunk = distance_transform_edt(grown) - 0.5 - radius
+        margin = np.ceil(radius / hull.spacing).astype(int) + 2
+        around = [(n, n) for n in margin]
+        solid = np.pad(hull.field > 0, around)
+        grown = distance_transform_edt(~solid, sampling=hull.spacing) < radius
+        shrunk = distance_transform_edt(grown, sampling=hull.spacing) - radius
         filled = np.where(solid, 0, np.maximum(shrunk, 0)).astype(np.float32)
-        field = np.pad(hull.field, margin, constant_values=hull.field.min())
-        closed = Hull(
-            np.where(filled > 0, filled, field), hull.origin - margin * hull.spacing, hull.spacing
-        )
+        field = np.pad(hull.field, around, constant_values=hull.field.min())
+        origin = hull.origin - margin * hull.spacing
+        closed = Hull(np.where(filled > 0, filled, field), origin, hull.spacing)
         if _largest(closed)[0].euler_number == 2:
             break
     return closed

@@ -53,14 +53,20 @@ def _split_longest(
 
 
 class _Projection:
-    """Moves points onto the plane that touches a surface at its vertex nearest to each."""
+    """Moves points onto the plane that touches a surface at its vertex nearest to each.
+
+    They stay within an edge of that vertex, so that none leaves a surface that bends sharply.
+    """
 
     def __init__(self, surface: trimesh.Trimesh):
         self._points, self._normals = surface.vertices, surface.vertex_normals
+        self._edge = float(surface.edges_unique_length.mean())
         self._tree = cKDTree(self._points)
 
     def __call__(self, verts: np.ndarray) -> np.ndarray:
         _, nearest = self._tree.query(verts)
-        normals = self._normals[nearest]
-        off = ((verts - self._points[nearest]) * normals).sum(axis=1, keepdims=True)
-        return verts - off * normals
+        points, normals = self._points[nearest], self._normals[nearest]
+        off = verts - points
+        along = off - (off * normals).sum(axis=1, keepdims=True) * normals
+        reach = np.linalg.norm(along, axis=1, keepdims=True)
+        return points + along * np.minimum(1, self._edge / np.maximum(reach, 1e-12))
