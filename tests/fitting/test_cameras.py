@@ -40,6 +40,7 @@ def test_the_whole_does_not_drift(cameras):
     """Corrections have no part that a turn, shift or scale of the world would make."""
     refinement = Refinement(cameras)
     parameters = randomly(refinement, 0.01)
+    parameters[6] = 0  # the lens, which takes its distance along
     corrected = refinement(parameters)
     turn = corrected.R @ cameras.R.mT - torch.eye(3)  # [w]x to first order
     w = torch.stack([turn[:, 2, 1], turn[:, 0, 2], turn[:, 1, 0]], dim=1)
@@ -93,11 +94,16 @@ def test_views_that_are_not_fitted_have_the_shared_corrections():
     )
 
 
-def test_a_focal_length_is_shared():
+def test_a_lens_is_shared_and_keeps_the_objects_size():
     cameras = turntable(3, 32)
     parameters = Refinement(cameras).start()
     parameters[6] = 1.0  # a standard deviation: exp(0.1)
-    K = Refinement(cameras)(parameters).K
+    dollied = Refinement(cameras)(parameters)
+    K = dollied.K
     np.testing.assert_allclose(K[:, 0, 0], cameras.K[:, 0, 0] * np.exp(0.1))
     np.testing.assert_allclose(K[:, :2, 2], cameras.K[:, :2, 2])
+    origin = torch.zeros(1, 3, dtype=torch.float64)
+    across = torch.tensor([[0.0, 0.01, 0.0]], dtype=torch.float64)
+    size = [(c.project(across) - c.project(origin)).norm() for c in (cameras, dollied)]
+    assert float(size[1]) == pytest.approx(float(size[0]), rel=1e-6)
     assert replace(cameras, K=K).views == cameras.views

@@ -41,7 +41,7 @@ def test_a_sphere_becomes_the_ellipsoid():
     mesh = trimesh.Trimesh(fit.verts.numpy(), fit.faces.numpy(), process=False)
     assert mesh.is_watertight
     assert mesh.euler_number == 2
-    assert mesh.volume == pytest.approx(4 / 3 * math.pi * np.prod(AXES), rel=0.1)
+    assert mesh.volume == pytest.approx(4 / 3 * math.pi * np.prod(AXES), rel=0.15)
 
 
 def test_a_small_sphere_elsewhere_finds_the_object():

@@ -231,7 +231,8 @@ def test_a_mesh_of_estimated_cameras_is_aligned_with_its_truth(results, tmp_path
     truth.export(tmp_path / "truth.ply")
     argv = ["--mesh", variant / "mesh.ply", "--cameras", variant / "cameras.json", "--align"]
     argv += ["--loss", variant / "loss.csv", "--sigma", SETTINGS["sigma"], "--results", results]
-    argv += ["--scene", results / "scene", "--truth", tmp_path / "truth.ply"]
+    argv += ["--scene", results / "scene", "--first", results / "init.json"]
+    argv += ["--truth", tmp_path / "truth.ply"]
     evaluate.main([*map(str, argv), "--output", str(tmp_path / "metrics.json")])
     metrics = json.loads((tmp_path / "metrics.json").read_text())
     assert metrics["aligned"]

@@ -2,7 +2,10 @@
 
 A correction turns a camera about the world's origin and shifts it, both in the camera's own frame:
 
-    R' = exp([w]x) R,    t' = t + v,    f' = f exp(s)
+    R' = exp([w]x) R,    t' = t + v,    then f' = f exp(s) and t_z' = t_z exp(s)
+
+A longer lens goes with a greater distance, so that s changes the perspective alone: seen from afar
+it could hardly be told from the size of the mesh.
 
 w and v are the sum of those that all cameras share (of a turntable: elevation, roll, the axis's
 place, distance) and of the view's own; the focal length is shared. Each is counted in standard
@@ -74,10 +77,13 @@ class Refinement:
 
 
 def _correct(cameras: Cameras, own: Tensor, log_focal: Tensor) -> Cameras:
-    """Turn and shift cameras by [views, 6], and scale their focal lengths."""
+    """Turn and shift cameras by [views, 6], and lengthen lens and distance."""
     turn = torch.linalg.matrix_exp(_cross(own[:, :3]))
-    scale = torch.cat([log_focal.exp().expand(2), torch.ones_like(log_focal).expand(1)])
-    return replace(cameras, K=cameras.K * scale, R=turn @ cameras.R, t=cameras.t + own[:, 3:])
+    one = torch.ones_like(log_focal)
+    scale = torch.stack([log_focal.exp(), log_focal.exp(), one])
+    deepen = torch.stack([one, one, log_focal.exp()])
+    t = (cameras.t + own[:, 3:]) * deepen
+    return replace(cameras, K=cameras.K * scale, R=turn @ cameras.R, t=t)
 
 
 def _cross(w: Tensor) -> Tensor:
