@@ -90,6 +90,7 @@ def results(tmp_path_factory):
         vertices=162,
         align="none",
         output=out / "first.ply",
+        report=out / "init.json",
     )
     variant = out / "object" / "variant"
     call(
@@ -110,6 +111,7 @@ def results(tmp_path_factory):
         cameras=variant / "cameras.json",
         loss=variant / "loss.csv",
         scene=out / "scene",
+        first=out / "init.json",
         truth=root / "truth.ply",
         sigma=SETTINGS["sigma"],
         holdout=4,
