@@ -27,7 +27,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--cameras", type=Path, required=True, help="cameras.json of its world")
     args.add_argument("--loss", type=Path, required=True, help="loss.csv of its fit")
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
-    args.add_argument("--first", type=Path, required=True, help="init.json of its first mesh")
+    args.add_argument("--first", type=Path, help="init.json of its first mesh")
     args.add_argument("--truth", type=Path, help="the true mesh, in the cameras' world")
     args.add_argument("--align", action="store_true", help="lay the mesh on the truth first")
     args.add_argument("--holdout", type=int, default=0, help="every n-th view was kept out")
@@ -71,7 +71,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         "attempts": scene["attempts"],
         "dropped": scene["dropped"],
     }
-    metrics["first"] = json.loads(given.first.read_text())
+    if given.first:
+        metrics["first"] = json.loads(given.first.read_text())
     metrics["iou"] = dict(zip(cameras.views, iou.tolist(), strict=True))
     with replacing(given.output) as part:
         part.write_text(json.dumps(metrics, indent=1) + "\n")

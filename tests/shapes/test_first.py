@@ -1,0 +1,105 @@
+import numpy as np
+import pytest
+from scenes import silhouettes, turntable
+
+from silmesh.errors import InputError
+from silmesh.shapes.choose import STEPS, VIEWS
+from silmesh.shapes.first import PLACED, SHAPES, Init, first_mesh
+from silmesh.shapes.looks import look_smaller, mean_iou, render
+
+SIZE = 96
+AXES, CENTRE = (0.2, 0.35, 0.15), (0.1, -0.05, 0.05)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    cameras = turntable(8, SIZE, elevation=15)
+    return silhouettes(cameras, AXES, CENTRE), cameras
+
+
+@pytest.mark.parametrize("shape", PLACED)
+def test_every_shape_is_placed_at_twice_its_size_in_the_world(scene, shape):
+    seen, cameras = scene
+    first = first_mesh(Init(shape, 300), seen, cameras)
+    assert len(first.mesh.vertices) == first.told["vertices"] == 300
+    assert first.mesh.is_watertight
+    assert first.mesh.volume > 0
+    np.testing.assert_allclose(first.mesh.centroid / 2, CENTRE, atol=0.03)
+    world = first.mesh.copy()
+    world.apply_scale(0.5)
+    assert mean_iou(render(world, cameras, (SIZE, SIZE)), seen) > 0.7
+    assert first.told["asked"] == first.told["shape"] == shape
+    assert first.told["warnings"] == []
+
+
+@pytest.mark.parametrize("shape", PLACED)
+def test_without_alignment_it_is_about_the_origin_and_of_unit_size(scene, shape):
+    mesh = first_mesh(Init(shape, 200, "none"), *scene).mesh
+    np.testing.assert_allclose(mesh.bounds.mean(axis=0), 0, atol=1e-9)
+    assert np.linalg.norm(mesh.vertices, axis=1).max() == pytest.approx(1)
+
+
+@pytest.mark.parametrize("shape", [shape for shape in SHAPES if shape != "auto"])
+def test_too_few_vertices_are_refused(scene, shape):
+    with pytest.raises(InputError, match="11 vertices: should have at least 12"):
+        first_mesh(Init(shape, 11), *scene)
+
+
+def test_an_empty_hull_falls_back_to_the_ellipsoid_and_says_so():
+    cameras = turntable(5, SIZE)
+    seen = silhouettes(cameras, [0.2] * 3)
+    seen[3] = np.roll(seen[3], 45, axis=0)
+    first = first_mesh(Init("hull", 162), seen, cameras)
+    assert (first.told["asked"], first.told["shape"]) == ("hull", "ellipsoid")
+    assert "most of all in v3; the first mesh is the ellipsoid" in first.told["warnings"][0]
+    plain = first_mesh(Init("ellipsoid", 162), seen, cameras)
+    np.testing.assert_array_equal(first.mesh.vertices, plain.mesh.vertices)
+
+
+def test_an_object_cut_by_the_frame_is_told(scene):
+    _, cameras = scene
+    seen = silhouettes(cameras, AXES, [0.65, 0, 0])
+    cut = first_mesh(Init("ellipsoid", 162), seen, cameras).told["warnings"]
+    assert len(cut) == 1
+    assert cut[0].startswith("the frame cuts the object in v")
+
+
+def overlap(mesh, cameras, seen, steps):
+    """A trial that moves nothing: the loss before and after is what the silhouettes lack."""
+    world = mesh.copy()
+    world.apply_scale(0.5)
+    loss = 1 - mean_iou(render(world, cameras, seen.shape[1:]), seen)
+    return [loss] * (steps + 1)
+
+
+def test_auto_takes_what_does_best(scene):
+    first = first_mesh(Init("auto", 300), *scene, overlap)
+    scores = first.told["scores"]
+    assert set(scores) == set(PLACED)
+    assert first.told["shape"] == next(iter(scores)) in ("ellipsoid", "hull")
+    after = [score["after"] for score in scores.values()]
+    assert after == sorted(after)
+    assert len(first.mesh.vertices) == 300
+    small, eyes = look_smaller(*scene, 64, VIEWS)
+    plain = first_mesh(Init("cube", 642), *scene).mesh
+    assert scores["cube"]["before"] == pytest.approx(overlap(plain, eyes, small, STEPS)[0])
+
+
+def test_auto_passes_over_an_empty_hull():
+    cameras = turntable(5, SIZE)
+    seen = silhouettes(cameras, [0.2] * 3)
+    seen[3] = np.roll(seen[3], 45, axis=0)
+    told = first_mesh(Init("auto", 162), seen, cameras, overlap).told
+    assert "hull" not in told["scores"]
+    assert "contradict each other" in told["warnings"][0]
+
+
+def test_small_looks_are_of_the_same_world(scene):
+    seen, cameras = scene
+    small, eyes = look_smaller(seen, cameras, 48, 4)
+    assert small.shape == (4, 48, 48)
+    assert eyes.views == ("v0", "v2", "v4", "v6")
+    plain = silhouettes(eyes, AXES, CENTRE)
+    assert mean_iou(small, plain) > 0.95
+    same, _ = look_smaller(seen, cameras, 200, 100)
+    np.testing.assert_array_equal(same, seen)
