@@ -9,7 +9,7 @@ from snakemake.utils import min_version
 from silmesh.config import NAME, SoftRasFit
 from silmesh.errors import InputError
 from silmesh.lock import hold
-from silmesh.plan import Plan
+from silmesh.plan import TRAINED, Plan
 from silmesh.provenance import code_digest, file_digest
 from silmesh.synthetic.layout import photograph_names
 
@@ -57,7 +57,7 @@ wildcard_constraints:
     views=r"\d+-(pad|stretch)",
     cameras=r"turntable|file_\w+",
     calibration="calibrate(_anywhere)?",
-    source="[a-z]+",
+    source="[a-z]+(_[0-9a-f]{8})?",
     scene=r"\d+-[a-z]+-\w+-\w+",
     features=r"\d+-\d+",
     matches=r"\d+-\d+-(exhaustive|sequential)-\d+",
@@ -83,6 +83,7 @@ include: "workflow/rules/cameras.smk"
 include: "workflow/rules/colmap.smk"
 include: "workflow/rules/scene.smk"
 include: "workflow/rules/truth.smk"
+include: "workflow/rules/train.smk"
 include: "workflow/rules/first.smk"
 include: "workflow/rules/fit.smk"
 include: "workflow/rules/colour.smk"

@@ -139,7 +139,9 @@ def test_every_unknown_key_has_its_line():
         ("fit: {preset: softras, sigma: auto}", "fit.sigma", "a number above 0", "'auto'"),
         ("views: {size: 8}", "views.size", "from 16 to 4,096", "8"),
         ("views: {resize: crop}", "views.resize", "'pad' or 'stretch'", "'crop'"),
-        ("silhouettes: masks", "silhouettes", "'mask', 'alpha' or 'threshold'", "'masks'"),
+        ("silhouettes: masks", "silhouettes", "'threshold' or 'deeplab'", "'masks'"),
+        ("deeplab: {model: vgg}", "deeplab.model", "'resnet101'", "'vgg'"),
+        ("deeplab: {size: big}", "deeplab.size", "from 16 to 4,096 or 'auto'", "'big'"),
         ("cameras: sfm", "cameras", "'colmap', 'auto' or 'file:<path>'", "'sfm'"),
         ("cameras: 'file:'", "cameras", "'colmap', 'auto' or 'file:<path>'", "'file:'"),
     ],
@@ -169,6 +171,18 @@ def test_a_wrong_value_is_named_with_what_is_right(text, key, right, value):
         ("datasets: t\nvariants: {a: [fit]}", "variants.a: should be a section with keys of "),
         ("datasets: t\nvariants: {stages: {}}", "variants.stages: this name is taken by "),
         ("datasets: t\nviews: 64\nvariants: {a: {}}", "views: should be a section with keys of "),
+        (
+            "datasets: t\nvariants: {a: {}}\ntrain: {}",
+            "train.holdout: is missing; should be a list",
+        ),
+        (
+            "datasets: t\nvariants: {a: {}}\ntrain: {holdout: [a], batch: 1}",
+            "train.batch: should be a whole number from 2 to 1,024, not 1",
+        ),
+        (
+            "datasets: t\nvariants: {a: {}}\ntrain: {holdout: [a], epoch: 1}",
+            "train.epoch: unknown key; did you mean 'epochs'?",
+        ),
         ("datasets: t\nvariants: {a: {}}\n3: 4", "all of it: should be a section with keys of "),
     ],
 )

@@ -23,17 +23,19 @@ ON = {  # what a module of it stands on
 }
 STAGES = {
     *("views", "silhouettes", "cameras", "scene", "shapes", "fitting", "evaluation", "report"),
-    *("synthetic", "meshes", "progress", "colouring", "quality", "alignment", "agreement"),
+    *("training", "synthetic", "meshes", "progress", "colouring", "quality", "alignment"),
+    "agreement",
 }
 PLANNING = {"config", "datasets", "plan", "provenance", "lock"}
 # What a stage imports of another: the manifest of the working images, which says where each
-# photograph lies in its view, and the turntable that the made-up photographs are taken on. What
-# judges attempts at cameras by the silhouettes stands on all three.
+# photograph lies in its view; the turntable that the made-up photographs are taken on; and the
+# network that is trained. What judges attempts at cameras by the silhouettes stands on all three.
 BESIDES = {
     "silhouettes": {"views"},
     "cameras": {"views"},
     "synthetic": {"cameras.turntable"},
     "agreement": {"cameras.attempt", "scene", "evaluation"},
+    "training": {"views", "silhouettes.network"},
 }
 
 

@@ -1,5 +1,6 @@
 """What is run: every object with every variant, and which stages variants share."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -24,12 +25,13 @@ def plan(tmp_path: Path, monkeypatch):
             Image.new("L", (4, 4)).save(f"{folder}/{i}.png")
     Path("camera.npy").touch()
     Path("cameras.json").touch()
+    Path("cup.pt").touch()
     np.save("source.npy", np.zeros((2, 4, 4, 4), np.uint8))
 
-    def of(variants: str, *rows: str, views: str = "{}") -> Plan:
+    def of(variants: str, *rows: str, views: str = "{}", more: str = "") -> Plan:
         rows = rows or ("cup\tphotos\tmasks\tmask\tturntable\t2.7,0,5\t",)
         Path("list.tsv").write_text(HEADER + "\n".join(rows) + "\n")
-        text = f"datasets: list.tsv\nviews: {views}\nvariants: {{{variants}}}"
+        text = f"datasets: list.tsv\nviews: {views}\nvariants: {{{variants}}}\n{more}"
         return Plan(yaml.safe_load(text), "my.yaml")
 
     return of
@@ -127,6 +129,46 @@ def test_colmaps_attempts_share_the_stages_that_they_agree_on(plan):
 def test_the_runs_colmap_section_is_overridden_in_part(plan):
     a, b = plan("a: {cameras: colmap}, b: {cameras: colmap, colmap: {seed: 3}}").runs
     assert (a.colmap.seed, b.colmap.seed, b.colmap.features) == (0, 3, 4096)
+
+
+def test_a_networks_settings_name_its_silhouettes(plan):
+    found = plan(
+        "a: {silhouettes: deeplab}, b: {silhouettes: deeplab, deeplab: {size: auto}},"
+        "c: {silhouettes: deeplab, deeplab: {weights: cup.pt}},"
+        "d: {silhouettes: deeplab, deeplab: {classes: dominant}}, e: {deeplab: {size: 64}}",
+    )
+    runs = {run.variant: run for run in found.runs}
+    names = {variant: run.silhouettes_key for variant, run in runs.items()}
+    assert names["a"] == names["b"]
+    assert len(set(names.values())) == 4
+    assert names["e"] == "256-pad-mask"
+    assert re.fullmatch(r"256-pad-deeplab_[0-9a-f]{8}", names["c"])
+    assert runs["c"].weights_file == Path("cup.pt")
+    assert runs["a"].weights_file is None
+
+
+def test_weights_that_the_run_trains_need_not_be_there(plan):
+    learnt = "a: {silhouettes: deeplab, deeplab: {weights: results/train/weights.pt}}"
+    row = "{}\tphotos\tmasks\tmask\tturntable\t2.7,0,5\t"
+    rows = row.format("cup"), row.format("jug"), "pot\tphotos\t\talpha\tturntable\t2.7,0,5\t"
+    found = plan(learnt, *rows, more="train: {holdout: [jug]}")
+    assert [dataset.object for dataset in found.trained_on] == ["cup", "jug"]
+    assert plan("a: {}").trained_on == []
+    with pytest.raises(InputError, match=r"variants.a.deeplab.weights: results/.* is not there"):
+        plan(learnt)
+
+
+@pytest.mark.parametrize(
+    ("train", "message"),
+    [
+        ("holdout: [pot]", "train.holdout: 'pot' is no object with masks of list.tsv, .* cup"),
+        ("holdout: [cup]", "train.holdout: leaves no object"),
+        ("holdout: [cup], weights: a.pt", "train.holdout: leaves no object"),
+    ],
+)
+def test_training_needs_objects_of_both_kinds(plan, train, message):
+    with pytest.raises(InputError, match=f"^my.yaml: {message}"):
+        plan("a: {}", more=f"train: {{{train}}}")
 
 
 def test_two_camera_files_have_two_names(plan):

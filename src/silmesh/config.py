@@ -40,7 +40,13 @@ Name = Annotated[
     "made of at most 80 letters, digits, '_' and '-' (not first)",
 ]
 Resize = Literal["pad", "stretch"]
-SilhouetteSource = Literal["mask", "alpha", "threshold"]
+SilhouetteSource = Literal["mask", "alpha", "threshold", "deeplab"]
+Network = Literal["mobilenet_v3_large", "resnet50", "resnet101"]
+WeightsSource = Annotated[
+    str,
+    StringConstraints(pattern=r"^[^\s{}]([^{}]*[^\s{}])?$"),
+    "torchvision's name of weights, as DEFAULT, or the path of a file",
+]
 CameraSource = Annotated[
     str,
     StringConstraints(pattern=r"^(turntable|calibrate|colmap|auto|file:.+)$"),
@@ -150,6 +156,65 @@ class ColmapOverride(_Section):
     seed: Seed | None = Field(None, description="overrides colmap.seed")
 
 
+class DeepLab(_Section):
+    """Silhouettes from DeepLabv3."""
+
+    model: Network = Field("mobilenet_v3_large", description="torchvision's name of the backbone")
+    weights: WeightsSource = Field(
+        "DEFAULT",
+        description="torchvision's name of weights, downloaded when first used, or a file, for "
+        "example one that `bin/run train` made; relative to the working directory",
+    )
+    classes: Literal["any", "dominant"] = Field(
+        "any",
+        description="which classes are the object: any but the background (the report's), or the "
+        "one that covers most of all views together",
+    )
+    size: Pixels | Literal["auto"] = Field(
+        "auto",
+        description="longer side of what the network sees of a photograph, in pixels; auto is what "
+        "the weights were made for: 520 for torchvision's",
+    )
+
+
+class DeepLabOverride(_Section):
+    """What a variant changes of the run's DeepLabv3."""
+
+    model: Network | None = Field(None, description="overrides the run's deeplab.model")
+    weights: WeightsSource | None = Field(None, description="overrides the run's deeplab.weights")
+    classes: Literal["any", "dominant"] | None = Field(
+        None, description="overrides the run's deeplab.classes"
+    )
+    size: Pixels | Literal["auto"] | None = Field(
+        None, description="overrides the run's deeplab.size"
+    )
+
+
+class Train(_Section):
+    """Training of DeepLabv3 on the objects of the table that have masks."""
+
+    model: Network = Field("mobilenet_v3_large", description="torchvision's name of the backbone")
+    weights: Literal["none"] | WeightsSource = Field(
+        "none", description="to begin with: none (random ones), torchvision's name, or a file"
+    )
+    holdout: Annotated[list[Name], Field(min_length=1), "a list of one object or more"] = Field(
+        description="objects that are not trained on: the IoU on them says which epoch is kept"
+    )
+    backgrounds: Annotated[str, Field(min_length=1), "'shipped', a folder or a glob"] = Field(
+        "shipped",
+        description="photographs to put the objects before, beside made-up textures: a folder or a "
+        "glob, or those that come with scikit-image; every fourth is for tests only",
+    )
+    epochs: _whole(1, 10_000) = Field(20, description="each shows every photograph once")
+    patience: _whole(1, 10_000) = Field(
+        8, description="epochs without a better IoU after which it stops"
+    )
+    batch: _whole(2, 1024) = Field(16, description="composites a step")
+    size: _whole(32, 1024) = Field(192, description="side of the composites, in pixels")
+    learning_rate: Positive = Field(0.002, description="the highest of a rise and a fall")
+    seed: _whole(0, 2**32 - 1) = Field(0, description="of all random choices")
+
+
 class Init(_Section):
     """The first mesh."""
 
@@ -256,6 +321,7 @@ class Variant(_Section):
         CalibrateOverride(), description="overrides the run's calibrate"
     )
     colmap: ColmapOverride = Field(ColmapOverride(), description="overrides the run's colmap")
+    deeplab: DeepLabOverride = Field(DeepLabOverride(), description="overrides the run's deeplab")
     init: Init = Field(Init(), description="the first mesh")
     fit: Fit = Field(FastFit(), description="the fit")
 
@@ -269,6 +335,8 @@ class Config(_Section):
     views: Views = Field(Views(), description="the working images")
     calibrate: Calibrate = Field(Calibrate(), description="cameras found from silhouettes")
     colmap: Colmap = Field(Colmap(), description="how COLMAP finds cameras, where it does")
+    deeplab: DeepLab = Field(DeepLab(), description="silhouettes from DeepLabv3")
+    train: Train | None = Field(None, description="training of DeepLabv3: `bin/run train`")
     variants: Annotated[
         dict[Name, Variant], Field(min_length=1), "names, each with its settings"
     ] = Field(
@@ -337,9 +405,20 @@ def _schema_of(key: str | int, schema: Any) -> Any:
         return _schema_of(key, get_args(schema)[0])
     if get_origin(schema) is dict:
         return get_args(schema)[1]
-    if isinstance(schema, type) and issubclass(schema, BaseModel):
-        return get_type_hints(schema, include_extras=True).get(key)
+    if _is_section(schema):
+        inside = get_type_hints(schema, include_extras=True).get(key)
+        return get_args(inside)[0] if _may_be_absent(inside) else inside
     return None
+
+
+def _may_be_absent(schema: Any) -> bool:
+    """Whether this is a section or nothing."""
+    members = get_args(schema)
+    return len(members) == 2 and members[1] is type(None) and _is_section(members[0])
+
+
+def _is_section(schema: Any) -> bool:
+    return isinstance(schema, type) and issubclass(schema, BaseModel)
 
 
 def _in_words(schema: Any) -> str:

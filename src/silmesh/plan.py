@@ -4,7 +4,7 @@ A stage's folder is named by all that it depends on, so two variants that agree 
 share it:
 
     results/<object>/stages/views/256-pad/
-                            silhouettes/256-pad-mask/
+                            silhouettes/256-pad-mask/, silhouettes/256-pad-deeplab_1a2b3c4d/
                             features/1600-4096/
                             matches/1600-4096-exhaustive-0/
                             models/1600-4096-exhaustive-0-incremental/
@@ -16,6 +16,7 @@ share it:
 This module is read by the Snakefile each time, so it imports nothing heavy.
 """
 
+import re
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from silmesh.cameras.locate import locate
-from silmesh.config import Colmap, Config, Fit, Init, Variant, Views, parse_config
+from silmesh.config import Colmap, Config, DeepLab, Fit, Init, Variant, Views, parse_config
 from silmesh.datasets import Dataset, Turntable, read_datasets, resolve_cameras
 from silmesh.errors import InputError
 
@@ -36,6 +37,7 @@ COLMAP = {  # the attempts of COLMAP's, by whether it masks
 EXHAUSTIVE = 60  # photographs, up to which every pair is matched unless told otherwise
 SOFTNESS = 0.12  # pixels: the root of sigma where it is `auto`
 TUNNELLED = {"prism", "hull", "auto"}  # first meshes that can have tunnels
+TRAINED = Path("results/train/weights.pt")  # what `bin/run train` makes
 
 
 @dataclass(frozen=True)
@@ -51,6 +53,7 @@ class Run:
     colmap: Colmap
     init: Init
     fit: Fit
+    deeplab: DeepLab
 
     @property
     def views_key(self) -> str:
@@ -59,8 +62,8 @@ class Run:
 
     @property
     def silhouettes_key(self) -> str:
-        """Names the silhouettes."""
-        return f"{self.views_key}-{self.silhouettes}"
+        """Names the silhouettes; a network's settings by a short digest."""
+        return f"{self.views_key}-{self._silhouettes_name}"
 
     @property
     def cameras_keys(self) -> tuple[str, ...]:
@@ -120,6 +123,11 @@ class Run:
         return self.dataset.masks if self.silhouettes == "mask" else ()
 
     @property
+    def weights_file(self) -> Path | None:
+        """The file of the network's weights, if the silhouettes come from one."""
+        return _weights_file(self.deeplab.weights) if self.silhouettes == "deeplab" else None
+
+    @property
     def camera_file(self) -> Path | None:
         """The file or folder that the cameras are read from, if they are."""
         kind, _, path = self.cameras.partition(":")
@@ -153,6 +161,12 @@ class Run:
         return "calibrate" if self.above_table else "calibrate_anywhere"
 
     @property
+    def _silhouettes_name(self) -> str:
+        if self.silhouettes != "deeplab":
+            return self.silhouettes
+        return f"deeplab_{_digest(self.deeplab.model_dump_json())}"
+
+    @property
     def _cameras_name(self) -> str:
         if self.cameras in ("colmap", "auto"):
             key = f"{self.model_key}-{self.colmap.masks}-{self.above_table}"
@@ -184,6 +198,7 @@ class Plan:
         self.config = parse_config(values, where)
         datasets = read_datasets(self.config.datasets)
         self.runs = [run for dataset in datasets for run in _runs_of(dataset, self.config, where)]
+        self.trained_on = _to_train_on(datasets, self.config, where)
 
     def run(self, object_: str, variant: str) -> Run:
         """The run of an object with a variant."""
@@ -208,6 +223,40 @@ class Plan:
         raise InputError(f"object {object_!r}: no variant of the configuration makes this")
 
 
+def _weights_file(weights: str) -> Path | None:
+    """The file that weights are read from; None if torchvision has them under this name."""
+    return None if re.fullmatch("[A-Z0-9_]+", weights) else Path(weights)
+
+
+def _to_train_on(datasets: list[Dataset], config: Config, where: str) -> list[Dataset]:
+    """The objects that a network is trained on or tested on: those with masks."""
+    if config.train is None:
+        return []
+    masked = [dataset for dataset in datasets if dataset.masks]
+    names = [dataset.object for dataset in masked]
+    for name in config.train.holdout:
+        if name not in names:
+            raise InputError(
+                f"{where}: train.holdout: {name!r} is no object with masks of {config.datasets}, "
+                f"which has {', '.join(names) or 'none'}"
+            )
+    if set(names) <= set(config.train.holdout):
+        raise InputError(f"{where}: train.holdout: leaves no object with masks to train on")
+    _refuse_lacking(f"{where}: train.weights", config.train.weights, promised=False)
+    return masked
+
+
+def _refuse_lacking(key: str, weights: str, promised: bool) -> None:
+    """Refuse a file of weights that is neither there nor made by this run."""
+    file = None if weights == "none" else _weights_file(weights)
+    if file is None or file.is_file() or (promised and file == TRAINED):
+        return
+    raise InputError(
+        f"{key}: {file}: is not there; should be a file of weights, or torchvision's name of them, "
+        "as DEFAULT"
+    )
+
+
 def _runs_of(dataset: Dataset, config: Config, where: str) -> list[Run]:
     for name in dataset.variants:
         if name not in config.variants:
@@ -230,6 +279,10 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
         except InputError as error:
             raise InputError(f"{where}: variants.{name}.{error}") from error
     silhouettes = variant.silhouettes or dataset.silhouettes
+    deeplab = config.deeplab.model_copy(update=variant.deeplab.model_dump(exclude_none=True))
+    if silhouettes == "deeplab":
+        key = f"variants.{name}.deeplab.weights" if variant.deeplab.weights else "deeplab.weights"
+        _refuse_lacking(f"{where}: {key}", deeplab.weights, promised=config.train is not None)
     if silhouettes == "mask" and dataset.images[0].suffix == ".npy":
         raise InputError(
             f"{dataset.where}: silhouettes are 'mask' (variant {name!r}), but an array of images "
@@ -251,4 +304,6 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
     fit = variant.fit
     if fit.sigma == "auto":
         fit = fit.model_copy(update={"sigma": (2 * SOFTNESS / views.size) ** 2})
-    return Run(dataset, name, views, silhouettes, cameras, above, colmap, variant.init, fit)
+    return Run(
+        dataset, name, views, silhouettes, cameras, above, colmap, variant.init, fit, deeplab
+    )

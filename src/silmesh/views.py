@@ -207,6 +207,14 @@ def read_photographs(paths: Sequence[Path]) -> Iterator[tuple[str, str, Image.Im
             yield path.stem, str(path), read_image(path)
 
 
+def read_photograph(view: View) -> Image.Image:
+    """The photograph that a view was made from, at its full size."""
+    source = Path(view.source)
+    if source.suffix == ".npy":
+        return Image.fromarray(np.moveaxis(_open_array(source)[int(view.view)], 0, -1))
+    return read_image(source)
+
+
 def write_views(paths: Sequence[Path], size: int, resize: str, folder: Path) -> list[View]:
     """Resize photographs into ``<folder>/<view>.png`` and keep the pixel maps in ``views.json``.
 

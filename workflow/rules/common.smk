@@ -13,6 +13,22 @@ def with_first(wildcards):
     return plan.with_key(wildcards.object, "first", wildcards.first)
 
 
+def with_silhouettes(wildcards):
+    """A run that has these silhouettes."""
+    key = f"{wildcards.views}-{wildcards.source}"
+    return plan.with_key(wildcards.object, "silhouettes", key)
+
+
+def silhouettes_settings(wildcards, threads):
+    """The arguments of a network that finds silhouettes."""
+    run = with_silhouettes(wildcards)
+    if run.silhouettes != "deeplab":
+        return ""
+    values = run.deeplab.model_dump()
+    values["size"] = None if values["size"] == "auto" else values["size"]
+    return f"--deeplab {quote(json.dumps(values))} --threads {threads}"
+
+
 def with_cameras(wildcards):
     """A run that has these cameras."""
     return plan.with_cameras(wildcards.object, f"{wildcards.views}-{wildcards.cameras}")
@@ -124,6 +140,22 @@ def truth_arguments(wildcards, input):
         return ""
     run = plan.run(wildcards.object, wildcards.variant)
     return f"--truth {quote(input.truth)}{' --align' if run.estimates_cameras else ''}"
+
+
+def training_files(kind):
+    """The photographs or the masks of the objects that a network is trained on."""
+    return [file for dataset in plan.trained_on for file in getattr(dataset, kind)]
+
+
+def training_settings():
+    """The arguments of a training run."""
+    train = plan.config.train.model_dump()
+    train["start"] = train.pop("weights")
+    words = " ".join(train.pop("holdout"))
+    named = " ".join(
+        f"--{k.replace('_', '-')} {quote(str(v))}" for k, v in train.items()
+    )
+    return f"--holdout {words} {named}"
 
 
 def variants_of(object_):

@@ -2,12 +2,15 @@
 
 A source is a module with ``find(image, view, mask)``: the working image (RGB, or RGBA if the
 photograph has an alpha channel), its ``View``, and the path of its mask file or None. It gives
-[size, size] bool. On disk a silhouette is what the report defines: RGBA, alpha 255 and grey 124
-on the object, zero elsewhere.
+[size, size] bool. One with a network, which is loaded once and may look at all views before it
+decides, has ``find_all(views, settings)`` instead and gives them in turn; it is imported only when
+it is asked for. On disk a silhouette is what the report defines: RGBA, alpha 255 and grey 124 on
+the object, zero elsewhere.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image
@@ -18,23 +21,32 @@ from silmesh.silhouettes import alpha, mask, threshold
 from silmesh.views import View
 
 SOURCES = {"mask": mask.find, "alpha": alpha.find, "threshold": threshold.find}
+NETWORKS = ("deeplab",)
 GREY = 124
 HINTS = {
     "mask": ", white in its mask",
     "threshold": " and stand out from the colour of its border",
+    "deeplab": ", as one of the classes that the network knows: torchvision's know twenty kinds of "
+    "things; weights of your own come from `bin/run train`",
 }
 
 
 def write_silhouettes(
-    source: str, views: Sequence[View], images: Path, masks: Sequence[Path], folder: Path
+    source: str,
+    views: Sequence[View],
+    images: Path,
+    masks: Sequence[Path],
+    folder: Path,
+    settings: Any = None,
 ) -> None:
     """Find the silhouette of every view and write ``<folder>/<view>.png``.
 
     Args:
-        source: a key of ``SOURCES``
+        source: a key of ``SOURCES`` or one of ``NETWORKS``
         views: the views, in order
         images: the folder of their working images
         masks: the views' mask files in the same order, or none
+        settings: of the network, if the source is one
 
     Raises:
         InputError: masks are lacking or differ in number from the views; a silhouette is empty or
@@ -43,12 +55,29 @@ def write_silhouettes(
     _refuse_other_count(source, views, masks)
     with replacing(folder) as part:
         part.mkdir()
-        for i, view in enumerate(views):
-            with Image.open(images / f"{view.view}.png") as image:
-                file = masks[i] if masks else None
-                silhouette = SOURCES[source](image, view, file)
+        files = masks or [None] * len(views)
+        found = _find_each(source, views, images, files, settings)
+        for view, file, silhouette in zip(views, files, found, strict=True):
             _refuse_empty_or_full(silhouette, view, source, file)
             encode(silhouette).save(part / f"{view.view}.png")
+
+
+def _find_each(
+    source: str,
+    views: Sequence[View],
+    images: Path,
+    files: Sequence[Path | None],
+    settings: Any,
+) -> Iterator[np.ndarray]:
+    """The silhouette of each view in turn."""
+    if source == "deeplab":
+        from silmesh.silhouettes import deeplab  # torch and torchvision take seconds to import
+
+        yield from deeplab.find_all(views, settings)
+        return
+    for view, file in zip(views, files, strict=True):
+        with Image.open(images / f"{view.view}.png") as image:
+            yield SOURCES[source](image, view, file)
 
 
 def _refuse_other_count(source: str, views: Sequence[View], masks: Sequence[Path]) -> None:

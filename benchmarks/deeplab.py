@@ -1,0 +1,155 @@
+r"""Silhouettes by ``deeplab``: how fast, how much memory, and how good with given weights: JSON.
+
+python benchmarks/deeplab.py
+python benchmarks/deeplab.py --weights results/train/weights.pt --tests FOLDER/tests.tsv
+
+Speed and memory do not depend on what the weights are, so random ones serve. The quality is over
+composites of objects and backgrounds that were not trained on (see training_objects.py), through
+the source as a run uses it, at a working size of 256.
+"""
+
+import argparse
+import json
+import resource
+import subprocess
+import sys
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import torch
+from PIL import Image
+
+from silmesh.datasets import read_datasets
+from silmesh.silhouettes.deeplab import Settings, find_all, find_classes
+from silmesh.silhouettes.network import MEAN, STD, Weights, build_network
+from silmesh.training.backgrounds import find_backgrounds, read_backgrounds, split
+from silmesh.training.composite import compose_upright
+from silmesh.training.cutouts import read_cutout
+from silmesh.views import write_views
+
+PAGE = 512  # side of the composites, in pixels
+MODEL = "mobilenet_v3_large"
+
+
+def main() -> None:
+    """Measure what is asked for."""
+    args = argparse.ArgumentParser(description=__doc__)
+    args.add_argument("--weights", type=Path, help="measure the quality of these")
+    args.add_argument("--model", default=MODEL)
+    args.add_argument("--tests", type=Path, help="table of the objects to test on")
+    args.add_argument("--sizes", type=int, nargs="+", default=[256], help="that the network sees")
+    args.add_argument("--pictures", type=Path, help="folder for contact sheets of the tests")
+    args.add_argument("--photographs", type=int, help="only look at so many of 24 megapixels")
+    given = args.parse_args()
+    if given.photographs:
+        report = look_at_large(given.photographs)
+    elif given.weights:
+        report = {size: measure_quality(given, size) for size in given.sizes}
+    else:
+        seconds = {f"{model} {s}": measure_speed(model, s) for model, s in
+                   ((MODEL, 256), (MODEL, 520), ("resnet50", 256))}  # fmt: skip
+        report = {"seconds_a_view": seconds, "memory": measure_memory()}
+    print(json.dumps(report, indent=2))
+
+
+def random_weights(model: str) -> Weights:
+    """Weights of 21 classes, as torchvision's have."""
+    names = tuple(map(str, range(21)))
+    return Weights(model, names, MEAN, STD, 520, build_network(model, 21).state_dict())
+
+
+def measure_speed(model: str, size: int, views: int = 12) -> dict:
+    """Wall time and processor time a view of photographs of 1024 x 768, reading them included."""
+    with TemporaryDirectory() as folder:
+        photographs = draw_photographs(Path(folder), views + 4, (1024, 768), "png")
+        placed = write_views(photographs, 256, "pad", Path(folder) / "views")
+        weights = random_weights(model)
+        found = find_classes(placed, weights, size)
+        for _ in range(4):  # the first batch also builds the network
+            next(found)
+        wall, cpu = time.perf_counter(), time.process_time()
+        list(found)
+        wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+        return {"wall": round(wall / views, 4), "cpu": round(cpu / views, 4)}
+
+
+def measure_memory() -> dict:
+    """Peak memory of processes that look at 2 and at 16 photographs of 24 megapixels, in MiB."""
+    peaks = {}
+    for count in (2, 16):
+        command = [sys.executable, __file__, "--photographs", str(count)]
+        done = subprocess.run(command, check=True, capture_output=True, text=True)
+        peaks[count] = json.loads(done.stdout)["peak_mib"]
+    return peaks
+
+
+def look_at_large(count: int) -> dict:
+    """Look at photographs of 24 megapixels; the peak of this process."""
+    torch.set_num_threads(2)
+    with TemporaryDirectory() as folder:
+        photographs = draw_photographs(Path(folder), count, (6000, 4000), "jpg")
+        views = write_views(photographs, 256, "pad", Path(folder) / "views")
+        list(find_classes(views, random_weights(MODEL), 520))
+    return {"peak_mib": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)}
+
+
+def draw_photographs(folder: Path, count: int, size: tuple[int, int], ending: str) -> list[Path]:
+    """Photographs of coloured grain."""
+    rng = np.random.default_rng(0)
+    small = rng.integers(0, 256, (size[1] // 8, size[0] // 8, 3), dtype=np.uint8)
+    files = [folder / f"{i}.{ending}" for i in range(count)]
+    for file in files:
+        Image.fromarray(small).resize(size).save(file)
+    return files
+
+
+def measure_quality(given: argparse.Namespace, size: int) -> dict:
+    """Mean and worst IoU of each object before backgrounds that were not trained on."""
+    backgrounds = split(read_backgrounds(find_backgrounds("shipped")))[1]
+    settings = Settings(given.model, str(given.weights), "any", size)
+    report = {}
+    for number, dataset in enumerate(read_datasets(given.tests)):
+        with TemporaryDirectory() as folder:
+            files, truths = [], []
+            for i, pair in enumerate(zip(dataset.images, dataset.masks, strict=True)):
+                rng = np.random.default_rng([3, number, i])
+                background = backgrounds[i % len(backgrounds)]
+                image, truth = compose_upright(read_cutout(*pair, PAGE), background, PAGE, rng)
+                files.append(Path(folder) / f"{i}.png")
+                pixels = (image * 255).round().byte().permute(1, 2, 0).numpy()
+                Image.fromarray(pixels).save(files[-1])
+                truths.append(shrink(truth.numpy()))
+            views = write_views(files, 256, "pad", Path(folder) / "views")
+            found = list(find_all(views, settings))
+            if given.pictures:
+                draw_sheet(given.pictures / f"{dataset.object}-{size}.png", files, found)
+        ious = [(f & t).sum() / (f | t).sum() for f, t in zip(found, truths, strict=True)]
+        report[dataset.object] = {"mean": round(np.mean(ious), 4), "worst": round(min(ious), 4)}
+    report["mean"] = round(np.mean([part["mean"] for part in report.values()]), 4)
+    return report
+
+
+def shrink(truth: np.ndarray) -> np.ndarray:
+    """A mask at the working size, where at least half of a pixel is covered."""
+    return np.asarray(Image.fromarray(truth.astype("f4")).resize((256, 256), Image.BOX)) >= 0.5
+
+
+def draw_sheet(path: Path, files: list[Path], found: list[np.ndarray]) -> None:
+    """The composites with what was found outlined in green."""
+    tiles = []
+    for file, silhouette in zip(files[:24], found, strict=False):
+        pixels = np.asarray(Image.open(file).resize((256, 256))).copy()
+        inner = silhouette.copy()
+        for axis, step in ((0, 1), (0, -1), (1, 1), (1, -1)):
+            inner &= np.roll(silhouette, step, axis)
+        pixels[silhouette & ~inner] = (0, 255, 0)
+        tiles.append(pixels)
+    rows = [np.concatenate(tiles[i : i + 8], axis=1) for i in range(0, len(tiles), 8)]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    Image.fromarray(np.concatenate(rows)).save(path)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Retraining of DeepLabv3: cutouts of photographed objects, composited over random backgrounds."""

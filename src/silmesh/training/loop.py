@@ -1,0 +1,290 @@
+"""Training of DeepLabv3 on composites, from checkpoint to checkpoint.
+
+AdamW under one rise and fall of the learning rate (Smith and Topin 2019), cross-entropy and soft
+Dice loss, and a running mean of the weights, which is what is tested and kept. All that is random
+is drawn from (seed, epoch, number), so a run that is taken up at a checkpoint goes on bit by bit
+as it would have, given the same number of threads.
+"""
+
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from silmesh.files import replacing
+from silmesh.silhouettes.network import MEAN, STD, Weights, build_network, silence_unseen_taps
+from silmesh.training.composite import compose_random, compose_upright
+
+CLASSES = ("background", "object")
+WARM_UP = 0.15  # part of the steps in which the learning rate rises
+DECAY = 0.05  # AdamW's weight decay
+MEMORY = 0.995  # of the running mean, per step
+# Of the new batch in the running statistics of batch normalisation. MobileNetV3's own, 0.01, is for
+# a million steps: after some hundreds the statistics would still be those of the beginning.
+MOMENTUM = 0.1
+TESTS = 96  # composites that each epoch is tested on
+COARSE = 2 / 3  # of the size: the first half of the epochs look at smaller photographs
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How to train; ``config.Train`` describes the values."""
+
+    model: str
+    epochs: int
+    patience: int
+    batch: int
+    size: int
+    learning_rate: float
+    seed: int
+
+
+@dataclass(frozen=True)
+class Material:
+    """What there is to train on, or to test on.
+
+    Attributes:
+        cutouts: [4, height, width] uint8 each, one a photograph
+        backgrounds: kinds of them, each as likely as the others, of [3, height, width] uint8
+    """
+
+    cutouts: Sequence[Tensor]
+    backgrounds: Sequence[Sequence[Tensor]]
+
+
+@dataclass(frozen=True)
+class Epoch:
+    """A row of the table: means over an epoch's composites, and over those of the tests."""
+
+    epoch: int
+    loss: float
+    iou: float
+    holdout_loss: float
+    holdout_iou: float
+    learning_rate: float
+    seconds: float
+
+
+@dataclass
+class Begun:
+    """How far the present epoch is: steps done, sums over them, and the seconds that they took."""
+
+    steps: int = 0
+    loss: float = 0.0
+    iou: float = 0.0
+    seconds: float = 0.0
+
+
+class Training:
+    """A training run between two steps.
+
+    Args:
+        start: weights to begin with, of two classes or of others (then the last layer is new), or
+            None to begin with random ones
+    """
+
+    def __init__(self, settings: Settings, start: Weights | None):
+        self.settings = settings
+        torch.manual_seed(settings.seed)
+        network = build_network(settings.model, len(CLASSES))
+        if start is None:
+            silence_unseen_taps(network, settings.size)
+        else:
+            _load_what_fits(network, start.state)
+        for part in network.modules():
+            if isinstance(part, nn.BatchNorm2d):
+                part.momentum = MOMENTUM
+        self.network = network.to(memory_format=torch.channels_last)
+        self.mean = deepcopy(self.network).eval()
+        self.optimiser = torch.optim.AdamW(self.network.parameters(), weight_decay=DECAY)
+        self.rows: list[Epoch] = []
+        self.best: dict[str, Tensor] = {}
+        self.begun = Begun()
+
+    @property
+    def done(self) -> bool:
+        """Whether all epochs have run, or too many since the best one."""
+        since = len(self.rows) - 1 - self.best_epoch
+        return len(self.rows) >= self.settings.epochs or since >= self.settings.patience
+
+    @property
+    def best_epoch(self) -> int:
+        """The epoch with the highest IoU on what was kept out; the first of equal ones."""
+        return int(np.argmax([row.holdout_iou for row in self.rows])) if self.rows else 0
+
+    @property
+    def weights(self) -> Weights:
+        """The best epoch's."""
+        return Weights(self.settings.model, CLASSES, MEAN, STD, self.settings.size, self.best)
+
+    def run_epoch(
+        self, train: Material, tests: Material, after_step: Callable[[], None] = lambda: None
+    ) -> None:
+        """Train on what is left of an epoch, in which each cutout comes once, and test."""
+        batch = min(self.settings.batch, len(train.cutouts))
+        steps = len(train.cutouts) // batch
+        order = self._rng().permutation(len(train.cutouts))
+        self.network.train()
+        while self.begun.steps < steps:
+            start = time.perf_counter()
+            first = self.begun.steps * batch
+            self._train_on(order[first : first + batch], train, steps)
+            self.begun.seconds += time.perf_counter() - start
+            after_step()
+        self._close_epoch(steps, tests)
+
+    def _rng(self, *number: int) -> np.random.Generator:
+        """Random numbers of this epoch and of something in it."""
+        return np.random.default_rng([self.settings.seed, len(self.rows), *number])
+
+    def _train_on(self, chosen: np.ndarray, train: Material, steps: int) -> None:
+        """One step, of so many in an epoch, on new composites of the chosen cutouts."""
+        epoch, done = len(self.rows), self.begun.steps
+        size = _size_at(epoch, self.settings)
+        pairs = [
+            compose_random(train.cutouts[i], train.backgrounds, size, self._rng(i)) for i in chosen
+        ]
+        part = (epoch + done / steps) / self.settings.epochs
+        self.optimiser.param_groups[0]["lr"] = self.settings.learning_rate * _one_cycle(part)
+        torch.manual_seed(int(self._rng(len(train.cutouts) + done).integers(2**32)))  # drop-out
+        loss, iou = self._step(*_stack(pairs), epoch * steps + done)
+        self.begun.steps += 1
+        self.begun.loss += loss
+        self.begun.iou += iou
+
+    def _close_epoch(self, steps: int, tests: Material) -> None:
+        """Test, and add the epoch's row; keep the weights if they are the best so far."""
+        start = time.perf_counter()
+        holdout_loss, holdout_iou = self._test(tests)
+        begun, rate = self.begun, self.optimiser.param_groups[0]["lr"]
+        seconds = begun.seconds + time.perf_counter() - start
+        means = begun.loss / steps, begun.iou / steps, holdout_loss, holdout_iou
+        self.rows.append(Epoch(len(self.rows), *means, rate, seconds))
+        self.begun = Begun()
+        if self.best_epoch == len(self.rows) - 1:
+            self.best = {k: v.contiguous().clone() for k, v in self.mean.state_dict().items()}
+
+    def _step(self, images: Tensor, truth: Tensor, number: int) -> tuple[float, float]:
+        scores = self.network(images)["out"]
+        loss = segmentation_loss(scores, truth)
+        self.optimiser.zero_grad()
+        loss.backward()
+        nn.utils.clip_grad_norm_(self.network.parameters(), 5.0)
+        self.optimiser.step()
+        _follow(self.mean, self.network, min(MEMORY, (1 + number) / (10 + number)))
+        return float(loss.detach()), float(iou_of(scores, truth).mean())
+
+    @torch.no_grad()
+    def _test(self, tests: Material) -> tuple[float, float]:
+        """Mean loss and IoU of the mean weights, over composites that are the same each time."""
+        losses, ious = [], []
+        for pair in pairs_to_test(tests, self.settings.size, self.settings.seed, TESTS):
+            images, truth = _stack([pair])
+            scores = self.mean(images)["out"]
+            losses.append(float(segmentation_loss(scores, truth)))
+            ious.append(float(iou_of(scores, truth)[0]))
+        return float(np.mean(losses)), float(np.mean(ious))
+
+    def save(self, path: Path, material: str) -> None:
+        """Write a checkpoint, which names what it was trained on."""
+        held = {
+            "material": material,
+            "rows": [asdict(row) for row in self.rows],
+            "begun": asdict(self.begun),
+            "best": self.best,
+            "network": self.network.state_dict(),
+            "mean": self.mean.state_dict(),
+            "optimiser": self.optimiser.state_dict(),
+        }
+        with replacing(path) as part:
+            torch.save(held, part)
+
+    def resume(self, path: Path, material: str) -> bool:
+        """Go on from a checkpoint if there is one of the same material."""
+        if not path.exists():
+            return False
+        held: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
+        if held["material"] != material:
+            return False
+        self.rows = [Epoch(**row) for row in held["rows"]]
+        self.begun = Begun(**held["begun"])
+        self.best = held["best"]
+        self.network.load_state_dict(held["network"])
+        self.mean.load_state_dict(held["mean"])
+        self.optimiser.load_state_dict(held["optimiser"])
+        return True
+
+
+def pairs_to_test(tests: Material, size: int, seed: int, most: int):
+    """Composites to test on: at most so many, evenly over the cutouts, each kind of background."""
+    backgrounds = [b for kind in tests.backgrounds for b in kind]
+    count = len(tests.cutouts)
+    for i in range(0, count, max(1, -(-count // most))):
+        rng = np.random.default_rng([seed, i])
+        background = backgrounds[rng.integers(len(backgrounds))]
+        yield compose_upright(tests.cutouts[i], background, size, rng)
+
+
+def segmentation_loss(scores: Tensor, truth: Tensor) -> Tensor:
+    """Cross-entropy and soft Dice loss of scores [batch, 2, h, w] for classes [batch, h, w]."""
+    object_ = truth.float()
+    part = scores.softmax(dim=1)[:, 1]
+    both = (part * object_).sum(dim=(1, 2))
+    dice = 1 - (2 * both + 1) / (part.sum(dim=(1, 2)) + object_.sum(dim=(1, 2)) + 1)
+    return functional.cross_entropy(scores, truth) + dice.mean()
+
+
+def iou_of(scores: Tensor, truth: Tensor) -> Tensor:
+    """Intersection over union of the object: [batch]."""
+    found, object_ = scores.argmax(dim=1) > 0, truth > 0
+    both = (found & object_).sum(dim=(1, 2))
+    return both / (found | object_).sum(dim=(1, 2)).clamp(min=1)
+
+
+def normalise(images: Tensor) -> Tensor:
+    """Colours in 0..1 as the network takes them: [batch, 3, h, w]."""
+    mean, std = (torch.tensor(v)[:, None, None] for v in (MEAN, STD))
+    return ((images - mean) / std).contiguous(memory_format=torch.channels_last)
+
+
+def _stack(pairs: Sequence[tuple[Tensor, Tensor]]) -> tuple[Tensor, Tensor]:
+    images, truth = zip(*pairs, strict=True)
+    return normalise(torch.stack(images)), torch.stack(truth)
+
+
+def _one_cycle(done: float) -> float:
+    """Part of the highest learning rate after this part of all steps."""
+    if done < WARM_UP:
+        return 0.04 + 0.96 * done / WARM_UP
+    return 0.5 * (1 + math.cos(math.pi * (done - WARM_UP) / (1 - WARM_UP))) + 1e-3
+
+
+def _size_at(epoch: int, settings: Settings) -> int:
+    """Side of an epoch's composites, in pixels."""
+    if 2 * epoch >= settings.epochs:
+        return settings.size
+    return max(min(settings.size, 64), round(settings.size * COARSE / 16) * 16)
+
+
+@torch.no_grad()
+def _follow(mean: nn.Module, network: nn.Module, memory: float) -> None:
+    """Move the running mean of the weights a little towards the weights."""
+    for old, new in zip(mean.state_dict().values(), network.state_dict().values(), strict=True):
+        if old.is_floating_point():
+            old.lerp_(new, 1 - memory)
+        else:
+            old.copy_(new)
+
+
+def _load_what_fits(network: nn.Module, state: Mapping[str, Tensor]) -> None:
+    """Load weights, but for a last layer of other classes."""
+    own = network.state_dict()
+    network.load_state_dict({k: v if v.shape == own[k].shape else own[k] for k, v in state.items()})
