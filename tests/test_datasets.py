@@ -209,7 +209,10 @@ def test_a_wrong_name(table, name):
         ({"masks": "one"}, "photos/cup_r5.png: has no mask of the same name in "),
         ({"masks": "one"}, "one (2 photographs without a mask)"),
         ({"images": "two"}, "masks/cup_r10.png: has no photograph of the same name in "),
-        ({"silhouettes": ""}, "silhouettes: should be one of mask, alpha, threshold, deeplab, not ''"),
+        (
+            {"silhouettes": ""},
+            "silhouettes: should be one of mask, alpha, threshold, deeplab, not ''",
+        ),
         (
             {"silhouettes": "Mask"},
             "silhouettes: should be one of mask, alpha, threshold, deeplab, not 'Mask'",
