@@ -79,7 +79,7 @@ def measure_all(
     """Every object with every shape, those in the folder not again."""
     results: dict[str, dict] = {}
     for name, scene in scenes.items():
-        for shape in SHAPES:
+        for shape in given.shapes:
             kept = given.kept / f"{name}-{shape.replace(', ', '-').replace(' ', '-')}.json"
             if not kept.exists() and not given.only_kept:
                 result = measure(scene, truths.get(name), shape, given)
@@ -160,6 +160,7 @@ def main() -> None:
     args.add_argument("--truth", nargs="*", default=[], help="NAME=MESH, in the scene's world")
     args.add_argument("--size", type=int, default=128, help="of the images that are fitted")
     args.add_argument("--views", type=int, default=36, help="that are fitted, at most")
+    args.add_argument("--shapes", nargs="+", choices=list(SHAPES), default=list(SHAPES))
     args.add_argument("--vertices", type=int, default=1352)
     args.add_argument("--steps", type=int, default=max(AT))
     args.add_argument("--threads", type=int, default=2)

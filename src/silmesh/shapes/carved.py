@@ -21,6 +21,7 @@ from silmesh.shapes.looks import look_smaller, mean_iou, render
 
 RESOLUTION = 128  # samples a side
 FINER = 3  # times as many vertices as are wanted has the surface that is remeshed, if it can
+FINE = 3000  # vertices that it has at least: in a coarser one small parts are not round
 ALIKE = 0.01  # of the volume: a coarser surface that is off by no more may stand for the finest
 COHERENT = 0.9  # a hull with this IoU needs no disagreeing views
 TOLERATED = (0, 1, 2, 4, 8)  # how many disagreeing views are tried
@@ -179,7 +180,7 @@ def draw(hull: Hull, vertices: int, genus: str) -> Carved:
         coarser, _, _ = _largest(hull.coarser(every))
         alike = abs(coarser.volume - surface.volume) < ALIKE * surface.volume
         same = coarser.euler_number == surface.euler_number
-        if alike and same and len(coarser.vertices) > FINER * vertices:
+        if alike and same and len(coarser.vertices) > max(FINE, FINER * vertices):
             surface = coarser
             break
     mesh = even_mesh(surface, vertices)

@@ -20,6 +20,9 @@ JITTER = 1e-7  # of an edge: no two edges are then of quite the same length
 def even_mesh(surface: trimesh.Trimesh, vertices: int) -> trimesh.Trimesh:
     """A mesh of so many vertices on a surface, of its genus, with even triangles.
 
+    With fewer than about a hundred vertices a surface of sharp edges may keep some more than are
+    wanted, where the remesher would tip a triangle over to be rid of them.
+
     Args:
         surface: closed, in one piece, oriented outwards, with more vertices than are wanted
     """
