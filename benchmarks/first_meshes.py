@@ -33,6 +33,7 @@ SHAPES = {"sphere, not placed": ("sphere", "none"), "sphere": ("sphere", "bbox")
 }
 AT = (0, 50, 200, 1000)  # steps at which the loss is told
 SOFTRAS = Settings(max(AT) + 1, 0.01, (0.5, 0.99), 1e-4, 0.03, 0.0003)
+STEPS_OF_MEAN = 20
 CELL = 220  # pixels of a picture in the figure
 
 
@@ -90,10 +91,9 @@ def measure_all(
     return results
 
 
-def reached(losses: list[float], goal: float) -> int | None:
-    """The first step at which a fit is as low as this."""
-    below = np.flatnonzero(np.array(losses) <= goal)
-    return int(below[0]) if len(below) else None
+def smooth(losses: list[float], step: int) -> float:
+    """The mean of the last losses up to a step: single steps are noisy."""
+    return float(np.mean(losses[max(0, step - STEPS_OF_MEAN + 1) : step + 1]))
 
 
 def table(results: dict) -> str:
@@ -103,7 +103,7 @@ def table(results: dict) -> str:
     for name, shapes in results.items():
         for shape, result in shapes.items():
             loss = result.get("loss", [])
-            cells = [f"{loss[step]:.3f}" if step < len(loss) else "–" for step in AT]
+            cells = [f"{smooth(loss, step):.3f}" if step < len(loss) else "–" for step in AT]
             truth = result.get("truth", {})
             cells += [
                 f"{truth[key]:.3f}" if truth.get(key) is not None else "–"
@@ -177,7 +177,7 @@ def main() -> None:
     results = measure_all(scenes, truths, given)
     print(table(results) if given.table else json.dumps(results, indent=1))
     if given.figure:
-        draw_figure(scenes, given.vertices).savefig(given.figure, dpi=110)
+        draw_figure(scenes, given.vertices).savefig(given.figure, dpi=75)
 
 
 if __name__ == "__main__":
