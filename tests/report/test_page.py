@@ -31,6 +31,15 @@ METRICS_OF = {
         "fit_seconds": 1234.5,
         "silhouettes": "pot/stages/silhouettes/256-pad-mask",
         "iou": {"r0": 0.98765},
+        "hull_doubtful": "r5, r<10>",
+        "first": {
+            "shape": "cube",
+            "scores": {
+                "cube": {"before": 0.31, "after": 0.0123},
+                "hull": {"before": 0.2, "after": 0.0204},
+            },
+            "warnings": ["the frame cuts the object in r<35>"],
+        },
     },
     ("pot", "fine-2"): {"iou_mean": 0.5432, "hull_iou_mean": 0.9},
     ("cup", "plain"): {"iou_mean": 0.7654, "hull_iou_mean": 0.95, "chamfer": 0.0123},
@@ -131,6 +140,18 @@ def test_shows_the_numbers_and_a_dash_for_what_lacks(page):
 def test_low_coherence_is_said_in_words_where_it_is_low(page):
     rows = re.findall(r'<tr role="row">(.*?)</tr>', page, re.DOTALL)[1:]
     assert ["contradict each other" in row for row in rows] == [True, False, False]
+
+
+def test_the_views_to_doubt_are_named(page):
+    assert "The views to doubt first: r5, r&lt;10&gt;." in page
+
+
+def test_the_first_meshes_scores_and_warnings_are_told(page):
+    assert page.count("Why the first mesh of") == 1
+    assert "Why the first mesh of pot, plain, is the cube" in page
+    assert re.search(r"cube</th><td>0.3100</td><td>0.0123", page)
+    assert re.search(r"hull</th><td>0.2000</td><td>0.0204", page)
+    assert "First mesh: the frame cuts the object in r&lt;35&gt;." in page
 
 
 def test_names_and_values_are_escaped(files):
