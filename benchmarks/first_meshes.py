@@ -20,7 +20,8 @@ from PIL import Image
 from silmesh.cameras.camera import Cameras
 from silmesh.errors import InputError
 from silmesh.evaluation import compare_to_truth
-from silmesh.fitting.loop import Settings, fit
+from silmesh.fitting.loop import run
+from silmesh.fitting.softras import Settings, SoftRas
 from silmesh.meshes import read_mesh, to_tensors
 from silmesh.report.pictures import camera_of, draw_edges, frame, shade, trace
 from silmesh.scene import SILHOUETTES, VIEWS, read_scene
@@ -67,7 +68,7 @@ def measure(scene: Path, truth: Path | None, shape: str, given: argparse.Namespa
     settings = Settings(given.steps + 1, *[getattr(SOFTRAS, n) for n in list(vars(SOFTRAS))[1:]])
     target = torch.tensor(small, dtype=torch.float32)
     try:
-        records = fit(*to_tensors(first.mesh), eyes, target, settings)[1]
+        records = run(SoftRas(*to_tensors(first.mesh), eyes, target, settings))
         result["loss"] = [record.loss for record in records]
     except InputError as error:
         result["refused"] = str(error)
