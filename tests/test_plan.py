@@ -61,13 +61,12 @@ def test_a_runs_stages_are_named_by_what_they_depend_on(plan):
         ("{shape: hull}", "hull-auto-bbox"),
         ("{shape: hull, genus: sphere}", "hull-auto-bbox-closed"),
         ("{shape: cube, genus: sphere, vertices: 900}", "cube-900-bbox"),  # it has no tunnels
-        ("{shape: auto}", "auto-auto-bbox-softras"),  # chosen by a few steps of the preset
+        ("{shape: auto}", "auto-auto-bbox"),  # chosen by a few steps of softras, whatever the fit
     ],
 )
 def test_a_first_mesh_is_named_by_what_it_depends_on(plan, init, name):
     made = plan(f"a: {{init: {init}, fit: {{learning_rate: 0.5}}}}")
     assert keys(made, "a")["first"] == f"256-pad-mask-turntable-{name}"
-    assert made.run("cup", "a").trial.learning_rate == 0.01
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ def test_a_first_mesh_is_chosen_and_told_on_the_page(project):
     project.run()
     first = project / "results/cup/stages/first"
     key = "32-pad-mask-turntable"
-    told = json.loads((first / f"{key}-auto-200-bbox-softras/init.json").read_text())
+    told = json.loads((first / f"{key}-auto-200-bbox/init.json").read_text())
     assert told["asked"] == "auto"
     assert told["vertices"] == 200
     assert told["shape"] == next(iter(told["scores"]))
