@@ -9,7 +9,7 @@ from snakemake.utils import min_version
 from silmesh.config import NAME
 from silmesh.errors import InputError
 from silmesh.lock import hold
-from silmesh.plan import Plan
+from silmesh.plan import WEIGHTS, Plan
 from silmesh.provenance import code_digest, file_digest
 from silmesh.synthetic.layout import photograph_names
 
@@ -56,8 +56,10 @@ wildcard_constraints:
     variant=NAME,
     views=r"\d+-(pad|stretch)",
     cameras=r"turntable|file_\w+",
-    source="[a-z]+",
+    source=r"[a-z]+(_[0-9a-f]{8})?",
     scene=r"\d+-[a-z]+-\w+-\w+",
+    judged=r"\d+-[a-z]+-\w+-\w+-[a-z]+-\d+",
+    model=r"[a-z-]+",
 
 
 include: "workflow/rules/common.smk"
@@ -75,6 +77,7 @@ include: "workflow/rules/views.smk"
 include: "workflow/rules/silhouettes.smk"
 include: "workflow/rules/cameras.smk"
 include: "workflow/rules/scene.smk"
+include: "workflow/rules/judge.smk"
 include: "workflow/rules/truth.smk"
 include: "workflow/rules/first.smk"
 include: "workflow/rules/fit.smk"

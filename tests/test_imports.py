@@ -18,7 +18,7 @@ BASE = {"errors", "files"}
 GROUND = {"cameras.camera", "softras", "hull"}
 STAGES = {
     *("views", "silhouettes", "cameras", "scene", "shapes", "fitting", "evaluation", "report"),
-    *("synthetic", "meshes", "progress"),
+    *("judging", "synthetic", "meshes", "progress"),
 }
 PLANNING = {"config", "datasets", "plan", "provenance", "lock"}
 # What a stage imports of another: the manifest of the working images, which says where each

@@ -37,7 +37,14 @@ Name = Annotated[
     "made of at most 80 letters, digits, '_' and '-' (not first)",
 ]
 Resize = Literal["pad", "stretch"]
-SilhouetteSource = Literal["mask", "alpha", "threshold"]
+SilhouetteSource = Literal["mask", "alpha", "threshold", "matting"]
+ForegroundModel = Annotated[
+    str,
+    StringConstraints(pattern=r"^[^\s{}]([^{}]*[^\s{}])?$"),
+    "'isnet', 'isnet-small' or the path of an ONNX file",
+]
+FOREGROUND_MODELS = ("isnet", "isnet-small")  # whose weights can be fetched
+Policy = Literal["auto", "keep", "drop", "repair"]
 CameraSource = Annotated[
     str,
     StringConstraints(pattern=r"^(turntable|calibrate|file:.+)$"),
@@ -83,6 +90,42 @@ class ViewsOverride(_Section):
 
     size: Pixels | None = Field(None, description="overrides the run's views.size")
     resize: Resize | None = Field(None, description="overrides the run's views.resize")
+
+
+class Matting(_Section):
+    """Silhouettes by a foreground model."""
+
+    model: ForegroundModel = Field(
+        "isnet",
+        description="isnet, isnet-small, or an ONNX file, relative to the working directory",
+    )
+
+
+class MattingOverride(_Section):
+    """What a variant changes of the run's foreground model."""
+
+    model: ForegroundModel | None = Field(None, description="overrides the run's matting.model")
+
+
+class Quality(_Section):
+    """What is done with views whose silhouette is doubtful."""
+
+    policy: Policy = Field(
+        "auto",
+        description="keep fits them as they are; drop leaves them out; repair segments them again "
+        "with what the other views say, and leaves out what stays doubtful; auto is keep for mask "
+        "and alpha, drop for threshold, repair for the others",
+    )
+    fewest: _whole(2, 10_000) = Field(
+        3, description="a run in which fewer views would be left fails"
+    )
+
+
+class QualityOverride(_Section):
+    """What a variant changes of the run's policy."""
+
+    policy: Policy | None = Field(None, description="overrides the run's quality.policy")
+    fewest: _whole(2, 10_000) | None = Field(None, description="overrides the run's quality.fewest")
 
 
 class Init(_Section):
@@ -136,6 +179,8 @@ class Variant(_Section):
     silhouettes: SilhouetteSource | None = Field(None, description="overrides the object's row")
     cameras: CameraSource | None = Field(None, description="overrides the object's row")
     views: ViewsOverride = Field(ViewsOverride(), description="overrides the run's views")
+    matting: MattingOverride = Field(MattingOverride(), description="overrides the run's matting")
+    quality: QualityOverride = Field(QualityOverride(), description="overrides the run's quality")
     init: Init = Field(Init(), description="the first mesh")
     fit: Fit = Field(Fit(), description="the fit")
 
@@ -147,6 +192,8 @@ class Config(_Section):
         description="the dataset list, relative to the working directory"
     )
     views: Views = Field(Views(), description="the working images")
+    matting: Matting = Field(Matting(), description="silhouettes by a foreground model")
+    quality: Quality = Field(Quality(), description="what is done with doubtful silhouettes")
     variants: Annotated[
         dict[Name, Variant], Field(min_length=1), "names, each with its settings"
     ] = Field(

@@ -4,10 +4,11 @@ A stage's folder is named by all that it depends on, so two variants that agree 
 share it:
 
     results/<object>/stages/views/256-pad/
-                            silhouettes/256-pad-mask/
+                            silhouettes/256-pad-mask/, silhouettes/256-pad-matting_1a2b3c4d/
                             cameras/256-pad-turntable/, cameras/256-pad-mask-calibrate/
                             scenes/256-pad-mask-turntable/
-                            first/256-pad-mask-turntable-sphere-1352-bbox.ply
+                            judged/256-pad-mask-turntable-keep-3/
+                            first/256-pad-mask-turntable-keep-3-sphere-1352-bbox.ply
     results/<object>/<variant>/
 
 This module is read by the Snakefile each time, so it imports nothing heavy.
@@ -19,9 +20,24 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from silmesh.config import Config, Fit, Init, Variant, Views, parse_config
+from silmesh.config import (
+    FOREGROUND_MODELS,
+    Config,
+    Fit,
+    Init,
+    Matting,
+    Quality,
+    Variant,
+    Views,
+    parse_config,
+)
 from silmesh.datasets import Dataset, Turntable, read_datasets, resolve_cameras
 from silmesh.errors import InputError
+
+WEIGHTS = Path("resources/weights")  # links to those that were fetched into the user's cache
+# What policy `auto` is, where it is not `repair`: what a person gave is left as it is, and a plain
+# background that a threshold does not find is rare enough to do without the view.
+POLICIES = {"mask": "keep", "alpha": "keep", "threshold": "drop"}
 
 
 @dataclass(frozen=True)
@@ -35,6 +51,8 @@ class Run:
     cameras: str
     init: Init
     fit: Fit
+    matting: Matting
+    quality: Quality
 
     @property
     def views_key(self) -> str:
@@ -43,8 +61,8 @@ class Run:
 
     @property
     def silhouettes_key(self) -> str:
-        """Names the silhouettes."""
-        return f"{self.views_key}-{self.silhouettes}"
+        """Names the silhouettes; a network's settings by a short digest."""
+        return f"{self.views_key}-{self._silhouettes_name}"
 
     @property
     def cameras_keys(self) -> tuple[str, ...]:
@@ -61,15 +79,35 @@ class Run:
         return f"{self.silhouettes_key}-{self._cameras_name}"
 
     @property
+    def judged_key(self) -> str:
+        """Names the scene after its doubtful views were dealt with."""
+        return f"{self.scene_key}-{self.policy}-{self.quality.fewest}"
+
+    @property
     def first_key(self) -> str:
         """Names the first mesh."""
         init = self.init
-        return f"{self.scene_key}-{init.shape}-{init.vertices}-{init.align}"
+        return f"{self.judged_key}-{init.shape}-{init.vertices}-{init.align}"
+
+    @property
+    def policy(self) -> str:
+        """What is done with doubtful views: ``keep``, ``drop`` or ``repair``."""
+        policy = self.quality.policy
+        return POLICIES.get(self.silhouettes, "repair") if policy == "auto" else policy
 
     @property
     def masks(self) -> tuple[Path, ...]:
         """The mask files that the silhouettes are read from, if they are."""
         return self.dataset.masks if self.silhouettes == "mask" else ()
+
+    @property
+    def weights_file(self) -> Path | None:
+        """The file of the network's weights, if the silhouettes come from one."""
+        if self.silhouettes != "matting":
+            return None
+        model = self.matting.model
+        known = model in FOREGROUND_MODELS
+        return WEIGHTS / f"{model}.onnx" if known else Path(model)
 
     @property
     def camera_file(self) -> Path | None:
@@ -89,6 +127,12 @@ class Run:
         A turntable's distances and SoftRas's are in units in which the object has about size 1.
         """
         return self.cameras == "turntable" or self.cameras.endswith(".npy")
+
+    @property
+    def _silhouettes_name(self) -> str:
+        if self.silhouettes != "matting":
+            return self.silhouettes
+        return f"matting_{zlib.crc32(self.matting.model_dump_json().encode()):08x}"
 
     @property
     def _cameras_name(self) -> str:
@@ -129,6 +173,14 @@ class Plan:
         """A run of this object of whose attempts at cameras one has this key."""
         return self._first(object_, lambda run: key in run.cameras_keys)
 
+    def spares(self, object_: str, key: str) -> bool:
+        """Whether no run with these silhouettes needs every one of them."""
+        return all(
+            run.policy != "keep"
+            for run in self.runs
+            if (run.dataset.object, run.silhouettes_key) == (object_, key)
+        )
+
     def _first(self, object_: str, suits: Any) -> Run:
         for run in self.runs:
             if run.dataset.object == object_ and suits(run):
@@ -149,7 +201,14 @@ def _runs_of(dataset: Dataset, config: Config, where: str) -> list[Run]:
 
 def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where: str) -> Run:
     """An object's run with a variant: the variant's word, else the row's, else the run's."""
-    views = config.views.model_copy(update=variant.views.model_dump(exclude_none=True))
+    views, matting, quality = (
+        whole.model_copy(update=part.model_dump(exclude_none=True))
+        for whole, part in (
+            (config.views, variant.views),
+            (config.matting, variant.matting),
+            (config.quality, variant.quality),
+        )
+    )
     cameras = dataset.cameras
     if variant.cameras:
         try:
@@ -167,10 +226,18 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
             f"{dataset.where}: silhouettes are 'mask' (variant {name!r}), but masks is empty; "
             "should be a folder or a glob of mask files"
         )
+    model = matting.model
+    if silhouettes == "matting" and model not in FOREGROUND_MODELS and not Path(model).is_file():
+        raise InputError(
+            f"{where}: matting.model (variant {name!r}): {model}: is not there; should be "
+            f"{' or '.join(FOREGROUND_MODELS)}, or the path of an ONNX file"
+        )
     if cameras == "turntable" and not dataset.turntable.complete:
         raise InputError(
             f"{dataset.where}: cameras are 'turntable' (variant {name!r}), but turntable is empty "
             "or lacks a number; should be distance,elevation,step, for example 2.732,0,5; "
             "cameras 'calibrate' finds what is not known"
         )
-    return Run(dataset, name, views, silhouettes, cameras, variant.init, variant.fit)
+    return Run(
+        dataset, name, views, silhouettes, cameras, variant.init, variant.fit, matting, quality
+    )

@@ -8,9 +8,43 @@ def with_scene(wildcards):
     return plan.with_key(wildcards.object, "scene", wildcards.scene)
 
 
+def with_judged(wildcards):
+    """A run that has this scene after its doubtful views were dealt with."""
+    return plan.with_key(wildcards.object, "judged", wildcards.judged)
+
+
+def judge_settings(wildcards):
+    """The arguments that say what is done with doubtful views."""
+    run = with_judged(wildcards)
+    world = " --keep-world" if run.keeps_world else ""
+    return f"--policy {run.policy} --fewest {run.quality.fewest}{world}"
+
+
 def with_first(wildcards):
     """A run that has this first mesh."""
     return plan.with_key(wildcards.object, "first", wildcards.first)
+
+
+def with_silhouettes(wildcards):
+    """A run that has these silhouettes."""
+    key = f"{wildcards.views}-{wildcards.source}"
+    return plan.with_key(wildcards.object, "silhouettes", key)
+
+
+def silhouettes_weights(wildcards):
+    """The file of a network's weights; a link to fetched ones, whatever its age."""
+    file = with_silhouettes(wildcards).weights_file
+    return [] if file is None else ancient(file) if WEIGHTS in file.parents else file
+
+
+def silhouettes_settings(wildcards, threads):
+    """The arguments that silhouettes need beside the views."""
+    run = with_silhouettes(wildcards)
+    spare = plan.spares(wildcards.object, run.silhouettes_key)
+    settings = {"matting": run.matting.model_dump() | {"threads": threads}}
+    of_source = settings.get(run.silhouettes)
+    told = f"--settings {quote(json.dumps(of_source))}" if of_source else ""
+    return f"--source {run.silhouettes} {told}{' --spare' * spare}"
 
 
 def with_cameras(wildcards):
@@ -41,7 +75,7 @@ def fit_inputs(wildcards):
     stages = f"results/{wildcards.object}/stages"
     return {
         "first": f"{stages}/first/{run.first_key}.ply",
-        "scene": f"{stages}/scenes/{run.scene_key}",
+        "scene": f"{stages}/judged/{run.judged_key}",
     }
 
 

@@ -2,53 +2,90 @@
 
 A source is a module with ``find(image, view, mask)``: the working image (RGB, or RGBA if the
 photograph has an alpha channel), its ``View``, and the path of its mask file or None. It gives
-[size, size] bool. On disk a silhouette is what the report defines: RGBA, alpha 255 and grey 124
-on the object, zero elsewhere.
+[size, size] bool. One with a network, which is loaded once and may look at all views before it
+decides, has ``find_all(views, settings)`` instead and gives them in turn. On disk a silhouette is
+what the report defines: RGBA, alpha 255 and grey 124 on the object, zero elsewhere.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from PIL import Image
 
 from silmesh.errors import InputError
 from silmesh.files import replacing
-from silmesh.silhouettes import alpha, mask, threshold
+from silmesh.silhouettes import alpha, mask, matting, threshold
 from silmesh.views import View
 
 SOURCES = {"mask": mask.find, "alpha": alpha.find, "threshold": threshold.find}
+NETWORKS = ("matting",)
 GREY = 124
+FEWEST = 2  # views with a silhouette
 HINTS = {
     "mask": ", white in its mask",
     "threshold": " and stand out from the colour of its border",
+    "matting": "; the model sees nothing in front of a background",
 }
 
 
 def write_silhouettes(
-    source: str, views: Sequence[View], images: Path, masks: Sequence[Path], folder: Path
-) -> None:
+    source: str,
+    views: Sequence[View],
+    images: Path,
+    masks: Sequence[Path],
+    folder: Path,
+    settings: Any = None,
+    spare: bool = False,
+) -> list[str]:
     """Find the silhouette of every view and write ``<folder>/<view>.png``.
 
     Args:
-        source: a key of ``SOURCES``
+        source: a key of ``SOURCES`` or one of ``NETWORKS``
         views: the views, in order
         images: the folder of their working images
         masks: the views' mask files in the same order, or none
+        settings: of the network, if the source is one
+        spare: write an empty silhouette where one cannot be used, as long as two can
+
+    Returns:
+        for each view that was spared, what is wrong with its silhouette
 
     Raises:
         InputError: masks are lacking or differ in number from the views; a silhouette is empty or
             fills its photograph
     """
+    refused = []
     _refuse_other_count(source, views, masks)
     with replacing(folder) as part:
         part.mkdir()
-        for i, view in enumerate(views):
-            with Image.open(images / f"{view.view}.png") as image:
-                file = masks[i] if masks else None
-                silhouette = SOURCES[source](image, view, file)
-            _refuse_empty_or_full(silhouette, view, source, file)
+        files = masks or [None] * len(views)
+        found = _find_each(source, views, images, files, settings)
+        for view, file, silhouette in zip(views, files, found, strict=True):
+            if wrong := _describe_wrong(silhouette, view, source, file):
+                refused.append(wrong)
+                if not spare or len(views) - len(refused) < FEWEST:
+                    raise InputError("\n".join(refused))
+                silhouette = np.zeros_like(silhouette)
             encode(silhouette).save(part / f"{view.view}.png")
+    return refused
+
+
+def _find_each(
+    source: str,
+    views: Sequence[View],
+    images: Path,
+    files: Sequence[Path | None],
+    settings: Any,
+) -> Iterator[np.ndarray]:
+    """The silhouette of each view in turn."""
+    if source == "matting":
+        yield from matting.find_all(views, settings)
+        return
+    for view, file in zip(views, files, strict=True):
+        with Image.open(images / f"{view.view}.png") as image:
+            yield SOURCES[source](image, view, file)
 
 
 def _refuse_other_count(source: str, views: Sequence[View], masks: Sequence[Path]) -> None:
@@ -75,20 +112,20 @@ def _decode(path: Path) -> np.ndarray:
         return np.asarray(image.getchannel("A")) > 127
 
 
-def _refuse_empty_or_full(
+def _describe_wrong(
     silhouette: np.ndarray, view: View, source: str, file: Path | None
-) -> None:
+) -> str | None:
+    """What forbids to use a silhouette, or None."""
     where = f"{file or view.source}: view {view.view!r}, silhouettes from {source!r}:"
     inside = silhouette[view.top : view.bottom, view.left : view.right]
     if not inside.any():
-        raise InputError(
-            f"{where} empty; the object should show in every photograph{HINTS.get(source, '')}"
-        )
+        return f"{where} empty; the object should show in every photograph{HINTS.get(source, '')}"
     if inside.all():
-        raise InputError(f"{where} fills the photograph; the background should show around it")
+        return f"{where} fills the photograph; the background should show around it"
     edge = (inside[0], inside[-1], inside[:, 0], inside[:, -1])
     if all(side.all() for side in edge):
-        raise InputError(
+        return (
             f"{where} covers the photograph's border all around; it may be inverted: the object "
             "should be white, the background black"
         )
+    return None

@@ -67,11 +67,17 @@ def main(argv: Sequence[str] | None = None) -> None:
 def _normalise(folder: Path, attempt: Attempt, silhouettes: Path, keep_world: bool) -> Candidate:
     cameras = attempt.cameras
     seen = read_silhouettes(silhouettes, cameras.views)
+    shown = np.flatnonzero(seen.any(axis=(1, 2)))  # an empty one that was spared says nothing
     with blaming(folder):
-        similarity = Similarity.identity() if keep_world else normalising(cameras, seen)
+        similarity = (
+            Similarity.identity() if keep_world else normalising(cameras.select(shown), seen[shown])
+        )
         cameras = cameras.in_world_of(similarity)
         refuse_camera_inside(cameras)
-    return Candidate(attempt, cameras, similarity, coherence(carve(seen, cameras), cameras, seen))
+    agreement = np.zeros(len(cameras))
+    kept = cameras.select(shown)
+    agreement[shown] = coherence(carve(seen[shown], kept), kept, seen[shown])
+    return Candidate(attempt, cameras, similarity, agreement)
 
 
 if __name__ == "__main__":
