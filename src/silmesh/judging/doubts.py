@@ -96,8 +96,8 @@ def _find_contradicted(
 
 def _explain(unexplained: float, missing: float) -> str:
     if unexplained >= missing:
-        return f"{unexplained:.0%} of it is where other views see none of the object"
-    return f"lacks {missing:.0%} that the other views see"
+        return f"other views deny {unexplained:.0%} of it"
+    return f"lacks {missing:.0%}, which other views see"
 
 
 def _excess(unexplained: np.ndarray, missing: np.ndarray, trusted: Sequence[int]) -> np.ndarray:

@@ -41,7 +41,8 @@ def count_denials(
         most: where counting ends
         stride: every so many pixels of a row and of a column are mapped
     Returns:
-        [len(of), height / stride, width / stride] uint8, ``most`` where as many or more views deny every point
+        [len(of), height / stride, width / stride] uint8, ``most`` where as many or
+        more views deny every point
     """
     denied = ~binary_dilation(silhouettes, ROUND[None], iterations=GRACE)
     cut = _cut_by_frame(silhouettes)

