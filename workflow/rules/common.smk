@@ -118,6 +118,12 @@ def report_settings():
     return json.dumps({"configuration": configuration, "objects": rows})
 
 
+def sheets():
+    """The sheet of each set of silhouettes."""
+    keys = dict.fromkeys((run.dataset.object, run.judged_key) for run in plan.runs)
+    return [f"results/report/silhouettes/{object_}/{key}.png" for object_, key in keys]
+
+
 def every_run(path):
     """A path of each run."""
     return [path.format(run.dataset.object, run.variant) for run in plan.runs]

@@ -61,6 +61,7 @@ rule page:
         metrics=every_run("results/{}/{}/metrics.json"),
         pictures=every_run("results/report/pictures/{}/{}.png"),
         figures=list(dict.fromkeys(every_run("results/report/figures/{}.svg"))),
+        sheets=sheets(),
     output:
         losses=report(
             "results/report/losses.csv",
@@ -91,5 +92,5 @@ rule page:
         "writing results/report/report.html"
     shell:
         "python -m silmesh.steps.report --results results --runs {params.runs}"
-        " --settings {params.settings:q} --losses {output.losses:q}"
+        " --settings {params.settings:q} --sheets {input.sheets:q} --losses {output.losses:q}"
         " --summary {output.summary:q} --page {output.page:q} 2> {log:q}"

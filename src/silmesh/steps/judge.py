@@ -18,7 +18,7 @@ from silmesh.errors import blaming
 from silmesh.evaluation import coherence
 from silmesh.files import replacing
 from silmesh.hull import carve
-from silmesh.judging.policy import DROPPED, REPAIRED, WEIGHTS, Decision, decide
+from silmesh.judging.policy import DROPPED, KEPT, REPAIRED, WEIGHTS, Decision, decide
 from silmesh.judging.repair import repair
 from silmesh.report.sheet import Cell, draw_sheet
 from silmesh.scene import SILHOUETTES, VIEWS, normalising, read_scene, write_scene
@@ -56,7 +56,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     _write(
         given.output,
         given.scene,
-        _normalise(cameras, similarity, decision, given.keep_world),
+        _measure(cameras, similarity, told, decision, given.keep_world),
         _tell(told, cameras.views, decision),
         _table(cameras.views, decision),
         fitted,
@@ -66,10 +66,19 @@ def main(argv: Sequence[str] | None = None) -> None:
     _say(given.scene, cameras.views, decision)
 
 
-def _normalise(
-    cameras: Cameras, similarity: Similarity, decision: Decision, keep_world: bool
+def _measure(
+    cameras: Cameras,
+    similarity: Similarity,
+    told: Mapping[str, Any],
+    decision: Decision,
+    keep_world: bool,
 ) -> tuple[Cameras, Similarity, np.ndarray]:
-    """The cameras of the fitted views, their world by the fitted silhouettes, and coherence."""
+    """The cameras of the fitted views, their world by the fitted silhouettes, and coherence.
+
+    A scene in which nothing changes is left as it is, to the last bit.
+    """
+    if set(decision.fates) == {KEPT}:
+        return cameras, similarity, np.array([told["hull_iou"][view] for view in cameras.views])
     kept = cameras.select(decision.fitted)
     seen = decision.silhouettes[decision.fitted]
     if not keep_world:
