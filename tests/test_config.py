@@ -136,7 +136,7 @@ def test_every_unknown_key_has_its_line():
         ("fit: {preset: fast}", "fit.preset", "'softras'", "'fast'"),
         ("views: {size: 8}", "views.size", "from 16 to 4,096", "8"),
         ("views: {resize: crop}", "views.resize", "'pad' or 'stretch'", "'crop'"),
-        ("silhouettes: masks", "silhouettes", "'mask', 'alpha' or 'threshold'", "'masks'"),
+        ("silhouettes: masks", "silhouettes", "'threshold' or 'matting'", "'masks'"),
         ("cameras: colmap", "cameras", "'turntable', 'calibrate' or 'file:<path>'", "'colmap'"),
         ("cameras: 'file:'", "cameras", "'turntable', 'calibrate' or 'file:<path>'", "'file:'"),
     ],

@@ -33,7 +33,7 @@ def test_denials_are_those_of_points_along_the_rays():
         plain = plainly(seen, cameras, view)
         near = plain <= 1  # further out they look in a smaller sphere
         assert near.sum() > 100
-        assert (counts == plain)[near].mean() > 0.94  # rays are sampled a pixel apart
+        assert (counts == plain)[near].mean() > 0.9  # rays are sampled a pixel apart
         assert not (counts[~near] == 0).any()
 
 

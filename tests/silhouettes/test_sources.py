@@ -117,9 +117,7 @@ def test_a_blank_photograph_has_no_threshold(tmp_path):
 def test_an_unusable_silhouette_is_empty_if_it_may_be_spared(tmp_path):
     views = photographs(tmp_path, *np.zeros((3, 48, 64, 3), np.uint8))
     shapes = (BLOCK, np.ones_like(BLOCK), BLOCK)
-    masks = [
-        save(tmp_path / "mask" / f"{n}.png", m) for n, m in zip("abc", shapes, strict=True)
-    ]
+    masks = [save(tmp_path / "mask" / f"{n}.png", m) for n, m in zip("abc", shapes, strict=True)]
     given = ("mask", views, tmp_path / "views", masks, tmp_path / "out")
     (wrong,) = write_silhouettes(*given, spare=True)
     assert "view 'b'" in wrong
