@@ -13,13 +13,14 @@ import numpy as np
 from scipy import ndimage
 
 from silmesh.cameras.camera import Cameras
-from silmesh.judging.votes import count_denials
+from silmesh.judging.votes import ROUND, count_denials
 
 FINE = 64  # rays along an image's side: enough to judge, not to draw
 # In each round, one view of so many may be wrong at a point. Much at first, when wrong silhouettes
 # still speak; little at last, since a hull that bears with more is larger.
 TOLERANCES = (5, 6, 8, 12, 24, 24)
 LEAST = 0.12  # shares below that are no reason for doubt
+SLACK = 2  # pixels that the others may see more, all around
 SPREAD = 5  # nor are those within so many deviations of the median over the views
 
 
@@ -116,19 +117,22 @@ def disagreement(
     """How each view disagrees with what the trusted others allow, all but one of ``tolerance``.
 
     Returns:
-        [views] what it shows and they deny, and [views] what it denies and they allow, both as
-        shares of its area; 0 for an empty silhouette
+        [views] what it shows and they deny, a share of its area, and [views] what they allow more
+        than ``SLACK`` pixels from it, a share of its area or of the median area if that is more
+        (a thin object seen edge on is small); 0 for an empty silhouette
     """
     stride = -(-max(silhouettes.shape[1:]) // FINE)
     most = len(trusted) // tolerance
     everyone = range(len(silhouettes))
     denials = count_denials(silhouettes, cameras, everyone, trusted, most + 1, stride)
-    shown, allowed = silhouettes[:, ::stride, ::stride], denials <= most
+    near = ndimage.binary_dilation(silhouettes, ROUND[None], iterations=SLACK)
+    shown, near = (part[:, ::stride, ::stride] for part in (silhouettes, near))
     area = np.maximum(shown.sum(axis=(1, 2)), 1)
+    usual = np.maximum(area, np.median(area[trusted]))
+    unexplained = (shown & (denials > most)).sum(axis=(1, 2)) / area
+    missing = (~near & (denials <= most)).sum(axis=(1, 2)) / usual
     empty = ~silhouettes.any(axis=(1, 2))
-    shares = ((part.sum(axis=(1, 2)) / area) for part in (shown & ~allowed, ~shown & allowed))
-    unexplained, missing = (np.where(empty, 0, share) for share in shares)
-    return unexplained, missing
+    return np.where(empty, 0, unexplained), np.where(empty, 0, missing)
 
 
 def describe(silhouette: np.ndarray) -> dict[str, float]:
