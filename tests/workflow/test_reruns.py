@@ -185,7 +185,9 @@ def test_cameras_found_by_colmap_or_from_silhouettes(project):
         "colmap_masked cup/32-pad-mask-colmap_fallback",
         "calibrate cup/32-pad-mask-calibrate",
         f"scene {scene}",
-        f"first {scene}-sphere-60-bbox",
+        f"rings {scene}",
+        f"judge {scene}-keep-3",
+        f"first {scene}-keep-3-sphere-60-bbox",
         *from_fit("found"),
     }
 
