@@ -65,7 +65,7 @@ def test_what_changes_nothing_reruns_nothing(project):
 @pytest.mark.parametrize(
     ("path", "old", "new", "expected"),
     [
-        ("fitting/losses.py", "EPS = 1e-6", "EPS = 2e-6", from_fit(*VARIANTS)),
+        ("fitting/losses.py", "EPS = 1e-6", "EPS = 2e-6", FROM_FIRST),
         ("colouring.py", "SQUARE = 3", "SQUARE = 2", {
             *(f"{step} cup/{v}" for v in VARIANTS for step in ("colour", "picture")),
             "report report"}),
