@@ -9,7 +9,7 @@ from snakemake.utils import min_version
 from silmesh.config import NAME, SoftRasFit
 from silmesh.errors import InputError
 from silmesh.lock import hold
-from silmesh.plan import TRAINED, Plan
+from silmesh.plan import TRAINED, WEIGHTS, Plan
 from silmesh.provenance import code_digest, file_digest
 from silmesh.synthetic.layout import photograph_names
 
@@ -64,6 +64,8 @@ wildcard_constraints:
     mapping="incremental|global",
     masks="masked|fallback",
     digest="[0-9a-f]{8}",
+    judged=r"\d+-[a-z]+-\w+-\w+-[a-z]+-\d+",
+    model=r"[a-z-]+",
 
 
 include: "workflow/rules/common.smk"
@@ -82,6 +84,7 @@ include: "workflow/rules/silhouettes.smk"
 include: "workflow/rules/cameras.smk"
 include: "workflow/rules/colmap.smk"
 include: "workflow/rules/scene.smk"
+include: "workflow/rules/judge.smk"
 include: "workflow/rules/truth.smk"
 include: "workflow/rules/train.smk"
 include: "workflow/rules/first.smk"

@@ -5,6 +5,7 @@ from scenes import silhouettes, turntable
 from silmesh.agreement import Placed, choose, place, refuse_incoherent
 from silmesh.cameras.attempt import Attempt
 from silmesh.cameras.camera import Similarity
+from silmesh.errors import InputError
 from silmesh.straighten import Straightened
 
 SIZE, AXES, CENTRE = 64, [0.45, 0.2, 0.15], [0.05, 0.1, 0]
@@ -35,6 +36,24 @@ def test_cameras_that_do_not_turn_are_refused(ring):
     still = ring[0].select([0] * 12)
     attempt = refuse_incoherent(Attempt("colmap", still), ring[1][[0] * 12])
     assert attempt.refusal.startswith("cameras 'colmap': the cameras all look along one line")
+
+
+def test_an_empty_silhouette_has_no_say(ring):
+    seen = ring[1].copy()
+    seen[4] = False
+    others = [i for i in range(12) if i != 4]
+    all_, some = place(ring[0], seen), place(ring[0].select(others), seen[others])
+    assert all_.coherence[4] == 0
+    assert all_.coherence[others].tolist() == some.coherence.tolist()
+    assert all_.similarity.scale == some.similarity.scale
+    assert refuse_incoherent(Attempt("colmap", ring[0]), seen).cameras is not None
+
+
+def test_one_silhouette_alone_places_nothing(ring):
+    seen = ring[1].copy()
+    seen[1:] = False
+    with pytest.raises(InputError, match="1 of the 12 views with a camera have a silhouette"):
+        place(ring[0], seen)
 
 
 def placed(ring, count, mean):

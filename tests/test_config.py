@@ -139,7 +139,7 @@ def test_every_unknown_key_has_its_line():
         ("fit: {preset: softras, sigma: auto}", "fit.sigma", "a number above 0", "'auto'"),
         ("views: {size: 8}", "views.size", "from 16 to 4,096", "8"),
         ("views: {resize: crop}", "views.resize", "'pad' or 'stretch'", "'crop'"),
-        ("silhouettes: masks", "silhouettes", "'threshold' or 'deeplab'", "'masks'"),
+        ("silhouettes: masks", "silhouettes", "'deeplab' or 'matting'", "'masks'"),
         ("deeplab: {model: vgg}", "deeplab.model", "'resnet101'", "'vgg'"),
         ("deeplab: {size: big}", "deeplab.size", "from 16 to 4,096 or 'auto'", "'big'"),
         ("cameras: sfm", "cameras", "'colmap', 'auto' or 'file:<path>'", "'sfm'"),

@@ -211,11 +211,11 @@ def test_a_wrong_name(table, name):
         ({"images": "two"}, "masks/cup_r10.png: has no photograph of the same name in "),
         (
             {"silhouettes": ""},
-            "silhouettes: should be one of mask, alpha, threshold, deeplab, not ''",
+            "silhouettes: should be one of mask, alpha, threshold, deeplab, matting, not ''",
         ),
         (
             {"silhouettes": "Mask"},
-            "silhouettes: should be one of mask, alpha, threshold, deeplab, not 'Mask'",
+            "silhouettes: should be one of mask, alpha, threshold, deeplab, matting, not 'Mask'",
         ),
         (
             {"cameras": ""},

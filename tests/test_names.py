@@ -2,14 +2,18 @@
 
 from typing import get_args, get_type_hints
 
-from silmesh.config import Init, SilhouetteSource
+from silmesh.config import FOREGROUND_MODELS, Init, SilhouetteSource
 from silmesh.shapes.first import SHAPES
-from silmesh.silhouettes import SOURCES
+from silmesh.silhouettes import NETWORKS, SOURCES, weights
 from silmesh.synthetic import layout, make
 
 
 def test_every_source_of_silhouettes_can_be_configured():
-    assert set(get_args(SilhouetteSource)) == set(SOURCES)
+    assert set(get_args(SilhouetteSource)) == {*SOURCES, *NETWORKS}
+
+
+def test_every_foreground_model_that_can_be_configured_can_be_fetched():
+    assert set(FOREGROUND_MODELS) == set(weights.MODELS)
 
 
 def test_every_first_mesh_can_be_configured():

@@ -51,7 +51,7 @@ def test_a_runs_stages_are_named_by_what_they_depend_on(plan):
         "silhouettes": "256-pad-mask",
         "cameras": "256-pad-turntable",
         "scene": "256-pad-mask-turntable",
-        "first": "256-pad-mask-turntable-sphere-642-none",
+        "first": "256-pad-mask-turntable-keep-3-sphere-642-none",
     }
 
 

@@ -11,7 +11,7 @@ from silmesh.fitting.softras import Settings, SoftRas
 from silmesh.hull import carve
 from silmesh.meshes import to_tensors
 from silmesh.scene import normalising
-from silmesh.shapes.first import first_mesh
+from silmesh.shapes.first import Init, first_mesh
 from silmesh.silhouettes import read_silhouettes, write_silhouettes
 from silmesh.views import find_images, match_masks, write_views
 
@@ -54,7 +54,7 @@ def losses(scene, vertices, align, iterations=1):
     """The IoU loss before each step."""
     cameras, seen = scene
     torch.set_num_threads(2)
-    first = to_tensors(first_mesh("sphere", vertices, align, seen))
+    first = to_tensors(first_mesh(Init("sphere", vertices, align), seen, cameras).mesh)
     settings = Settings(iterations, **PRESET)
     records = run(SoftRas(*first, cameras, torch.tensor(seen, dtype=torch.float32), settings))
     return [record.iou_loss for record in records]

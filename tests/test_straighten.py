@@ -97,6 +97,18 @@ def test_files_are_what_is_measured(tmp_path):
     assert (new == np.asarray(encode(expected))).all()
 
 
+def test_a_view_with_an_empty_silhouette_is_straightened_like_the_others(tmp_path):
+    cameras = turntable(COUNT, SIZE)
+    bent = photographed(cameras, BARREL)
+    bent[1] = False
+    straightened = straighten(with_lens(cameras, BARREL), bent)
+    assert set(straightened.sources) == set(cameras.views)
+    assert not straightened.silhouettes(bent)[1].any()
+    encode(bent[1]).save(tmp_path / "old.png")
+    straightened.write_silhouette("v1", tmp_path / "old.png", tmp_path / "new.png")
+    assert not np.asarray(Image.open(tmp_path / "new.png")).any()
+
+
 def test_cameras_agree_better_with_what_is_straightened():
     """A lens off its axis, for silhouettes bent alike all around still agree with each other."""
     cameras, lens = turntable(12, SIZE, elevation=20), Lens("OPENCV", (0, 0, 0.15, -0.1))

@@ -14,6 +14,7 @@ from silmesh.scene import normalising, refuse_camera_inside
 from silmesh.straighten import Straightened, straighten
 
 REFUSED = 0.6  # hull IoU below which cameras that were found from the photographs are refused
+FEWEST = 2  # silhouettes that are not empty
 NEAR = 0.02  # of hull IoU: attempts that differ by less are told apart by their number of views
 
 
@@ -25,7 +26,7 @@ class Placed:
         cameras: in that world, without lenses
         straightened: how the pictures become those of these cameras
         similarity: from the cameras' own world to it
-        coherence: [views], the hull's IoU with each silhouette
+        coherence: [views], the hull's IoU with each silhouette; 0 where that is empty
     """
 
     cameras: Cameras
@@ -39,8 +40,15 @@ class Placed:
         return float(self.coherence.mean())
 
 
+def find_shown(silhouettes: np.ndarray) -> np.ndarray:
+    """Positions of the views whose silhouette is not empty; an empty one says nothing."""
+    return np.flatnonzero(silhouettes.any(axis=(1, 2)))
+
+
 def place(cameras: Cameras, silhouettes: np.ndarray, keep_world: bool = False) -> Placed:
     """Take the cameras' lenses away, normalise their world and measure their coherence.
+
+    The views whose silhouette is empty have no say in it.
 
     Args:
         cameras: in their own world
@@ -48,14 +56,22 @@ def place(cameras: Cameras, silhouettes: np.ndarray, keep_world: bool = False) -
         keep_world: it is normalised already
 
     Raises:
-        InputError: the cameras do not look at one object
+        InputError: the cameras do not look at one object, or fewer than two silhouettes show it
     """
+    shown = find_shown(silhouettes)
+    if len(shown) < FEWEST:
+        raise InputError(
+            f"{len(shown)} of the {len(cameras)} views with a camera have a silhouette that is not "
+            f"empty; should be {FEWEST} or more"
+        )
     straightened = straighten(cameras, silhouettes)
     cameras, silhouettes = straightened.cameras, straightened.silhouettes(silhouettes)
-    similarity = Similarity.identity() if keep_world else normalising(cameras, silhouettes)
-    cameras = cameras.in_world_of(similarity)
+    kept, seen = cameras.select(shown), silhouettes[shown]
+    similarity = Similarity.identity() if keep_world else normalising(kept, seen)
+    cameras, kept = cameras.in_world_of(similarity), kept.in_world_of(similarity)
     refuse_camera_inside(cameras)
-    agreement = coherence(carve(silhouettes, cameras), cameras, silhouettes)
+    agreement = np.zeros(len(cameras))
+    agreement[shown] = coherence(carve(seen, kept), kept, seen)
     return Placed(cameras, straightened, similarity, agreement)
 
 

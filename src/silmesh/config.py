@@ -40,13 +40,20 @@ Name = Annotated[
     "made of at most 80 letters, digits, '_' and '-' (not first)",
 ]
 Resize = Literal["pad", "stretch"]
-SilhouetteSource = Literal["mask", "alpha", "threshold", "deeplab"]
+SilhouetteSource = Literal["mask", "alpha", "threshold", "deeplab", "matting"]
 Network = Literal["mobilenet_v3_large", "resnet50", "resnet101"]
 WeightsSource = Annotated[
     str,
     StringConstraints(pattern=r"^[^\s{}]([^{}]*[^\s{}])?$"),
     "torchvision's name of weights, as DEFAULT, or the path of a file",
 ]
+ForegroundModel = Annotated[
+    str,
+    StringConstraints(pattern=r"^[^\s{}]([^{}]*[^\s{}])?$"),
+    "'isnet', 'isnet-small' or the path of an ONNX file",
+]
+FOREGROUND_MODELS = ("isnet", "isnet-small")  # whose weights can be fetched
+Policy = Literal["auto", "keep", "drop", "repair"]
 CameraSource = Annotated[
     str,
     StringConstraints(pattern=r"^(turntable|calibrate|colmap|auto|file:.+)$"),
@@ -215,6 +222,42 @@ class Train(_Section):
     seed: _whole(0, 2**32 - 1) = Field(0, description="of all random choices")
 
 
+class Matting(_Section):
+    """Silhouettes by a foreground model."""
+
+    model: ForegroundModel = Field(
+        "isnet",
+        description="isnet, isnet-small, or an ONNX file, relative to the working directory",
+    )
+
+
+class MattingOverride(_Section):
+    """What a variant changes of the run's foreground model."""
+
+    model: ForegroundModel | None = Field(None, description="overrides the run's matting.model")
+
+
+class Quality(_Section):
+    """What is done with views whose silhouette is doubtful."""
+
+    policy: Policy = Field(
+        "auto",
+        description="keep fits them as they are; drop leaves them out; repair segments them again "
+        "with what the other views say, and leaves out what stays doubtful; auto is keep for mask "
+        "and alpha, drop for threshold, repair for the others",
+    )
+    fewest: _whole(2, 10_000) = Field(
+        3, description="a run in which fewer views would be left fails"
+    )
+
+
+class QualityOverride(_Section):
+    """What a variant changes of the run's policy."""
+
+    policy: Policy | None = Field(None, description="overrides the run's quality.policy")
+    fewest: _whole(2, 10_000) | None = Field(None, description="overrides the run's quality.fewest")
+
+
 class Init(_Section):
     """The first mesh."""
 
@@ -322,6 +365,8 @@ class Variant(_Section):
     )
     colmap: ColmapOverride = Field(ColmapOverride(), description="overrides the run's colmap")
     deeplab: DeepLabOverride = Field(DeepLabOverride(), description="overrides the run's deeplab")
+    matting: MattingOverride = Field(MattingOverride(), description="overrides the run's matting")
+    quality: QualityOverride = Field(QualityOverride(), description="overrides the run's quality")
     init: Init = Field(Init(), description="the first mesh")
     fit: Fit = Field(FastFit(), description="the fit")
 
@@ -337,6 +382,8 @@ class Config(_Section):
     colmap: Colmap = Field(Colmap(), description="how COLMAP finds cameras, where it does")
     deeplab: DeepLab = Field(DeepLab(), description="silhouettes from DeepLabv3")
     train: Train | None = Field(None, description="training of DeepLabv3: `bin/run train`")
+    matting: Matting = Field(Matting(), description="silhouettes by a foreground model")
+    quality: Quality = Field(Quality(), description="what is done with doubtful silhouettes")
     variants: Annotated[
         dict[Name, Variant], Field(min_length=1), "names, each with its settings"
     ] = Field(

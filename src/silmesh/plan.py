@@ -10,7 +10,8 @@ share it:
                             models/1600-4096-exhaustive-0-incremental/
                             cameras/256-pad-turntable/, cameras/256-pad-mask-calibrate/
                             scenes/256-pad-mask-turntable/
-                            first/256-pad-mask-turntable-sphere-1352-bbox/
+                            judged/256-pad-mask-turntable-keep-3/
+                            first/256-pad-mask-turntable-keep-3-sphere-1352-bbox/
     results/<object>/<variant>/
 
 This module is read by the Snakefile each time, so it imports nothing heavy.
@@ -24,7 +25,19 @@ from pathlib import Path
 from typing import Any
 
 from silmesh.cameras.locate import locate
-from silmesh.config import Colmap, Config, DeepLab, Fit, Init, Variant, Views, parse_config
+from silmesh.config import (
+    FOREGROUND_MODELS,
+    Colmap,
+    Config,
+    DeepLab,
+    Fit,
+    Init,
+    Matting,
+    Quality,
+    Variant,
+    Views,
+    parse_config,
+)
 from silmesh.datasets import Dataset, Turntable, read_datasets, resolve_cameras
 from silmesh.errors import InputError
 
@@ -38,6 +51,10 @@ EXHAUSTIVE = 60  # photographs, up to which every pair is matched unless told ot
 SOFTNESS = 0.12  # pixels: the root of sigma where it is `auto`
 TUNNELLED = {"prism", "hull", "auto"}  # first meshes that can have tunnels
 TRAINED = Path("results/train/weights.pt")  # what `bin/run train` makes
+WEIGHTS = Path("resources/weights")  # links to those that were fetched into the user's cache
+# What policy `auto` is, where it is not `repair`: what a person gave is left as it is, and a plain
+# background that a threshold does not find is rare enough to do without the view.
+POLICIES = {"mask": "keep", "alpha": "keep", "threshold": "drop"}
 
 
 @dataclass(frozen=True)
@@ -54,6 +71,8 @@ class Run:
     init: Init
     fit: Fit
     deeplab: DeepLab
+    matting: Matting
+    quality: Quality
 
     @property
     def views_key(self) -> str:
@@ -108,6 +127,11 @@ class Run:
         return f"{self.silhouettes_key}-{self._cameras_name}"
 
     @property
+    def judged_key(self) -> str:
+        """Names the scene after its doubtful views were dealt with."""
+        return f"{self.scene_key}-{self.policy}-{self.quality.fewest}"
+
+    @property
     def first_key(self) -> str:
         """Names the first mesh.
 
@@ -115,7 +139,13 @@ class Run:
         """
         init = self.init
         closed = "-closed" if init.genus == "sphere" and init.shape in TUNNELLED else ""
-        return f"{self.scene_key}-{init.shape}-{init.vertices}-{init.align}{closed}"
+        return f"{self.judged_key}-{init.shape}-{init.vertices}-{init.align}{closed}"
+
+    @property
+    def policy(self) -> str:
+        """What is done with doubtful views: ``keep``, ``drop`` or ``repair``."""
+        policy = self.quality.policy
+        return POLICIES.get(self.silhouettes, "repair") if policy == "auto" else policy
 
     @property
     def masks(self) -> tuple[Path, ...]:
@@ -125,7 +155,13 @@ class Run:
     @property
     def weights_file(self) -> Path | None:
         """The file of the network's weights, if the silhouettes come from one."""
-        return _weights_file(self.deeplab.weights) if self.silhouettes == "deeplab" else None
+        if self.silhouettes == "deeplab":
+            return _weights_file(self.deeplab.weights)
+        if self.silhouettes != "matting":
+            return None
+        model = self.matting.model
+        known = model in FOREGROUND_MODELS
+        return WEIGHTS / f"{model}.onnx" if known else Path(model)
 
     @property
     def camera_file(self) -> Path | None:
@@ -162,9 +198,10 @@ class Run:
 
     @property
     def _silhouettes_name(self) -> str:
-        if self.silhouettes != "deeplab":
+        settings = {"deeplab": self.deeplab, "matting": self.matting}.get(self.silhouettes)
+        if settings is None:
             return self.silhouettes
-        return f"deeplab_{_digest(self.deeplab.model_dump_json())}"
+        return f"{self.silhouettes}_{_digest(settings.model_dump_json())}"
 
     @property
     def _cameras_name(self) -> str:
@@ -215,6 +252,14 @@ class Plan:
     def with_cameras(self, object_: str, key: str) -> Run:
         """A run of this object of whose attempts at cameras one has this key."""
         return self._first(object_, lambda run: key in run.cameras_keys)
+
+    def spares(self, object_: str, key: str) -> bool:
+        """Whether no run with these silhouettes needs every one of them."""
+        return all(
+            run.policy != "keep"
+            for run in self.runs
+            if (run.dataset.object, run.silhouettes_key) == (object_, key)
+        )
 
     def _first(self, object_: str, suits: Any) -> Run:
         for run in self.runs:
@@ -270,8 +315,16 @@ def _runs_of(dataset: Dataset, config: Config, where: str) -> list[Run]:
 
 def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where: str) -> Run:
     """An object's run with a variant: the variant's word, else the row's, else the run's."""
-    views = config.views.model_copy(update=variant.views.model_dump(exclude_none=True))
-    colmap = config.colmap.model_copy(update=variant.colmap.model_dump(exclude_none=True))
+    views, colmap, matting, quality, deeplab = (
+        whole.model_copy(update=part.model_dump(exclude_none=True))
+        for whole, part in (
+            (config.views, variant.views),
+            (config.colmap, variant.colmap),
+            (config.matting, variant.matting),
+            (config.quality, variant.quality),
+            (config.deeplab, variant.deeplab),
+        )
+    )
     cameras = dataset.cameras
     if variant.cameras:
         try:
@@ -279,7 +332,6 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
         except InputError as error:
             raise InputError(f"{where}: variants.{name}.{error}") from error
     silhouettes = variant.silhouettes or dataset.silhouettes
-    deeplab = config.deeplab.model_copy(update=variant.deeplab.model_dump(exclude_none=True))
     if silhouettes == "deeplab":
         key = f"variants.{name}.deeplab.weights" if variant.deeplab.weights else "deeplab.weights"
         _refuse_lacking(f"{where}: {key}", deeplab.weights, promised=config.train is not None)
@@ -293,6 +345,12 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
             f"{dataset.where}: silhouettes are 'mask' (variant {name!r}), but masks is empty; "
             "should be a folder or a glob of mask files"
         )
+    model = matting.model
+    if silhouettes == "matting" and model not in FOREGROUND_MODELS and not Path(model).is_file():
+        raise InputError(
+            f"{where}: matting.model (variant {name!r}): {model}: is not there; should be "
+            f"{' or '.join(FOREGROUND_MODELS)}, or the path of an ONNX file"
+        )
     if cameras == "turntable" and not dataset.turntable.complete:
         raise InputError(
             f"{dataset.where}: cameras are 'turntable' (variant {name!r}), but turntable is empty "
@@ -305,5 +363,16 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
     if fit.sigma == "auto":
         fit = fit.model_copy(update={"sigma": (2 * SOFTNESS / views.size) ** 2})
     return Run(
-        dataset, name, views, silhouettes, cameras, above, colmap, variant.init, fit, deeplab
+        dataset,
+        name,
+        views,
+        silhouettes,
+        cameras,
+        above,
+        colmap,
+        variant.init,
+        fit,
+        deeplab,
+        matting,
+        quality,
     )

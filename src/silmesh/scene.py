@@ -86,16 +86,16 @@ def write_scene(
         similarity: from the input's own world to that one
         coherence: [views]
         pictures: the folders of the working images, ``views``, and of the ``silhouettes``
-        told: what else ``scene.json`` says
+        told: what else ``scene.json`` says, also of an undistortion that was before
         straightened: how the pictures become those of the cameras, if any had a lens
     """
     straightened = straightened or Straightened(cameras, {}, 0.0)
     scene = {
+        "undistorted": len(straightened.sources),
+        "displacement": straightened.displacement,
         **told,
         "centre": similarity.centre.tolist(),
         "scale": similarity.scale,
-        "undistorted": len(straightened.sources),
-        "displacement": straightened.displacement,
         "hull_iou_mean": float(coherence.mean()),
         "hull_iou": dict(zip(cameras.views, coherence.tolist(), strict=True)),
     }

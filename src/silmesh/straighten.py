@@ -57,7 +57,7 @@ class Straightened:
             pixels = np.asarray(image)
         inside = pixels[..., 3] > 127
         straight = np.zeros_like(pixels)
-        straight[self._silhouette(view, inside)] = pixels[inside][0]
+        straight[self._silhouette(view, inside)] = pixels[inside][:1]  # none of an empty one
         Image.fromarray(straight).save(new)
 
     def write_image(self, view: str, old: Path, new: Path) -> None:
@@ -75,19 +75,23 @@ class Straightened:
 def straighten(cameras: Cameras, silhouettes: np.ndarray) -> Straightened:
     """Take the lenses away from cameras.
 
+    A view whose silhouette is empty is taken to show the object where any of the others does.
+
     Args:
         cameras: in pixels of the silhouettes
-        silhouettes: [views, height, width] bool
+        silhouettes: [views, height, width] bool, not all empty
 
     Raises:
         InputError: a silhouette lies where its lens shows no direction that a pinhole sees
     """
     K, sources, most = cameras.K.numpy().copy(), {}, 0.0
+    anywhere = silhouettes.any(axis=0)
     for i, (view, lens, seen) in enumerate(
         zip(cameras.views, cameras.lenses, silhouettes, strict=True)
     ):
         if lens is None:
             continue
+        seen = seen if seen.any() else anywhere
         outline = _box_points(seen)
         straight = _unbend(outline, K[i], lens)
         if not np.isfinite(straight).all():

@@ -173,14 +173,20 @@ def _open_array(path: Path) -> np.ndarray:
     return array
 
 
-def read_image(path: Path | str) -> Image.Image:
+def read_image(path: Path | str, least: tuple[int, int] | None = None) -> Image.Image:
     """Read an image of any mode as upright 8-bit RGB, or RGBA if it has an alpha channel.
+
+    Args:
+        least: width and height that are enough: a JPEG may be read smaller than it is, not
+            smaller than that
 
     Raises:
         InputError: it cannot be read, is truncated or is too large
     """
     try:
         with Image.open(path) as opened:
+            if least:
+                opened.draft(None, (max(least), max(least)))  # it may have to be turned
             opened.load()
             return _to_8_bit(ImageOps.exif_transpose(opened))
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
@@ -207,12 +213,12 @@ def read_photographs(paths: Sequence[Path]) -> Iterator[tuple[str, str, Image.Im
             yield path.stem, str(path), read_image(path)
 
 
-def read_photograph(view: View) -> Image.Image:
-    """The photograph that a view was made from, at its full size."""
+def read_photograph(view: View, least: tuple[int, int] | None = None) -> Image.Image:
+    """The photograph that a view was made from, upright, at its full size or at least ``least``."""
     source = Path(view.source)
     if source.suffix == ".npy":
         return Image.fromarray(np.moveaxis(_open_array(source)[int(view.view)], 0, -1))
-    return read_image(source)
+    return read_image(source, least)
 
 
 def write_views(paths: Sequence[Path], size: int, resize: str, folder: Path) -> list[View]:

@@ -112,3 +112,20 @@ def test_a_blank_photograph_has_no_threshold(tmp_path):
     views = photographs(tmp_path, np.full((8, 8, 3), 90, np.uint8))
     with pytest.raises(InputError, match=r"empty; .* stand out from the colour of its border"):
         find(tmp_path, "threshold", views)
+
+
+def test_an_unusable_silhouette_is_empty_if_it_may_be_spared(tmp_path):
+    views = photographs(tmp_path, *np.zeros((3, 48, 64, 3), np.uint8))
+    shapes = (BLOCK, np.ones_like(BLOCK), BLOCK)
+    masks = [save(tmp_path / "mask" / f"{n}.png", m) for n, m in zip("abc", shapes, strict=True)]
+    given = ("mask", views, tmp_path / "views", masks, tmp_path / "out")
+    (wrong,) = write_silhouettes(*given, spare=True)
+    assert "view 'b'" in wrong
+    found = read_silhouettes(tmp_path / "out", ["a", "b", "c"])
+    assert found.any(axis=(1, 2)).tolist() == [True, False, True]
+
+
+def test_at_least_two_views_need_a_silhouette(tmp_path):
+    views = photographs(tmp_path, *np.full((3, 8, 8, 3), 90, np.uint8))
+    with pytest.raises(InputError, match=r"a\.png.* empty;.*\n.*b\.png.* empty;"):
+        write_silhouettes("threshold", views, tmp_path / "views", [], tmp_path / "out", spare=True)

@@ -48,6 +48,22 @@ def test_specks_go_and_pinholes_close_but_a_real_hole_stays():
     np.testing.assert_array_equal(separate(pixels), shape)
 
 
+@pytest.mark.parametrize("shade", [30, 250])
+def test_uneven_light_on_the_background(shade):
+    """It falls off from 190 at the upper left to 90 at the lower right, and is noisy."""
+    light = 190 - 60 * (COLUMNS / 128) - 40 * (ROWS / 96) ** 2
+    assert iou(separate(photograph(light, shade, 2)), ELLIPSE) > 0.97
+
+
+def test_a_part_almost_as_dark_as_the_background_is_filled_and_a_hole_is_not():
+    spot = ((COLUMNS - 60) / 9) ** 2 + ((ROWS - 50) / 9) ** 2 < 1
+    rng = np.random.default_rng(0)
+    for inside, expected in ((16, ELLIPSE), (8, ELLIPSE & ~spot)):
+        grey = np.where(spot, inside, np.where(ELLIPSE, 180, 8)) + rng.normal(0, 1, spot.shape)
+        pixels = np.repeat(grey[..., None], 3, axis=-1).clip(0, 255).astype(np.uint8)
+        assert iou(separate(pixels), expected) > 0.98
+
+
 def test_an_object_may_touch_the_border():
     shape = (ROWS > 40) & (np.abs(COLUMNS - 64) < 20)
     pixels = np.where(shape[..., None], 40, 240).astype(np.uint8).repeat(3, axis=2)

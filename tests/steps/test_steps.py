@@ -23,7 +23,7 @@ from silmesh.meshes import read_mesh
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps import calibrate as calibrate_step
 from silmesh.steps import cameras as cameras_step
-from silmesh.steps import colour, evaluate, first, fit, scene, truth, views
+from silmesh.steps import colour, evaluate, first, fit, judge, scene, truth, views
 from silmesh.steps import silhouettes as silhouettes_step
 from silmesh.steps.command import run
 
@@ -87,7 +87,15 @@ def results(tmp_path_factory):
     )
     call(cameras_step, views=out / "views", file=root / "given.json", output=out / "cameras")
     pictures = {"views": out / "views", "silhouettes": out / "silhouettes"}
-    call(scene, **pictures, cameras=out / "cameras", threads=1, output=out / "scene")
+    call(scene, **pictures, cameras=out / "cameras", threads=1, output=out / "found")
+    call(
+        judge,
+        scene=out / "found",
+        policy="keep",
+        threads=1,
+        output=out / "scene",
+        sheet=out / "sheet.png",
+    )
     call(
         first,
         scene=out / "scene",
@@ -397,6 +405,60 @@ def test_a_truth_is_read_in_any_format(tmp_path):
     read = read_mesh(tmp_path / "stages" / "truth.ply")
     np.testing.assert_allclose(read.extents, (1, 2, 3))
     assert len(read.faces) == 12
+
+
+@pytest.fixture
+def doubtful(results, tmp_path):
+    """A scene of which one view has an empty silhouette, and the arguments that judge it."""
+    shutil.copytree(results / "silhouettes", tmp_path / "silhouettes")
+    save(tmp_path / "silhouettes" / "v2.png", np.zeros((SIZE, SIZE, 4), np.uint8))
+    pictures = {"views": results / "views", "silhouettes": tmp_path / "silhouettes"}
+    call(scene, **pictures, cameras=results / "cameras", threads=1, output=tmp_path / "found")
+    outputs = {"output": tmp_path / "judged", "sheet": tmp_path / "sheet.png"}
+    return {"scene": tmp_path / "found", "threads": 1, **outputs}
+
+
+def test_a_scene_in_which_nothing_is_doubtful_stays_as_it_is(results):
+    for name in ("cameras.json", "silhouettes/v3.png", "views/v3.png"):
+        assert (results / "scene" / name).read_bytes() == (results / "found" / name).read_bytes()
+    told = json.loads((results / "scene" / "scene.json").read_text())
+    assert told["weights"] == {f"v{i}": 1.0 for i in range(COUNT)}
+    table = pd.read_csv(results / "scene" / "quality.csv")
+    assert table["fate"].tolist() == ["kept"] * COUNT
+    assert table["unexplained"].max() < 0.1
+
+
+def test_a_dropped_view_leaves_the_scene_and_is_listed(doubtful, capsys):
+    call(judge, policy="drop", **doubtful)
+    out = doubtful["output"]
+    told = json.loads((out / "scene.json").read_text())
+    assert told["dropped"] == told["doubtful"] == {"v2": "empty"}
+    left = [f"v{i}" for i in range(COUNT) if i != 2]
+    assert list(told["weights"]) == left == list(read_cameras(out / "cameras.json").views)
+    assert sorted(path.stem for path in (out / "silhouettes").iterdir()) == left
+    assert (out / "originals" / "v2.png").is_file()
+    table = pd.read_csv(out / "quality.csv", index_col="view")
+    assert (table.loc["v2", "fate"], table.loc["v2", "weight"]) == ("dropped", 0)
+    assert told["hull_iou_mean"] > 0.93
+    assert "view 'v2' is dropped: empty" in capsys.readouterr().err
+
+
+def test_a_repaired_view_is_fitted_and_its_original_kept(results, doubtful):
+    pytest.importorskip("cv2")
+    call(judge, policy="repair", **doubtful)
+    told = json.loads((doubtful["output"] / "scene.json").read_text())
+    assert (told["repaired"], told["dropped"], told["weights"]["v2"]) == (["v2"], {}, 0.5)
+    new, true = (
+        read_silhouettes(folder, ["v2"])[0]
+        for folder in (doubtful["output"] / "silhouettes", results / "silhouettes")
+    )
+    assert (new & true).sum() / (new | true).sum() > 0.65  # flat colours, 32 pixels a side
+    assert not read_silhouettes(doubtful["output"] / "originals", ["v2"]).any()
+
+
+def test_too_few_views_are_refused(doubtful):
+    with pytest.raises(InputError, match=r"found: only 7 views are left, and quality\.fewest is 8"):
+        call(judge, policy="drop", fewest=8, **doubtful)
 
 
 def test_a_world_is_kept_if_asked(results, tmp_path):

@@ -19,7 +19,7 @@ def test_a_first_mesh_is_chosen_and_told_on_the_page(project):
     project.edit("config/config.yaml", "  boxed:\n", SHAPES + "  boxed:\n")
     project.run()
     first = project / "results/cup/stages/first"
-    key = "32-pad-mask-turntable"
+    key = "32-pad-mask-turntable-keep-3"
     told = json.loads((first / f"{key}-auto-200-bbox/init.json").read_text())
     assert told["asked"] == "auto"
     assert told["vertices"] == 200

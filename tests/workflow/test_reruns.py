@@ -12,7 +12,8 @@ pytestmark = pytest.mark.slow
 
 VARIANTS = ("round", "boxed")
 SCENE = "cup/32-pad-mask-turntable"
-FIRST = {"round": f"first {SCENE}-sphere-60-none", "boxed": f"first {SCENE}-sphere-60-bbox"}
+JUDGED = f"{SCENE}-keep-3"
+FIRST = {"round": f"first {JUDGED}-sphere-60-none", "boxed": f"first {JUDGED}-sphere-60-bbox"}
 REPORT = {"figure cup", "report report"}
 
 
@@ -24,7 +25,7 @@ def from_fit(*variants: str, name: str = "cup") -> set[str]:
 
 
 FROM_FIRST = set(FIRST.values()) | from_fit(*VARIANTS)
-FROM_SCENE = {f"scene {SCENE}", f"rings {SCENE}"} | FROM_FIRST
+FROM_SCENE = {f"scene {SCENE}", f"rings {SCENE}", f"judge {JUDGED}"} | FROM_FIRST
 FROM_SILHOUETTES = {"silhouettes cup/32-pad-mask"} | FROM_SCENE
 FROM_CAMERAS = {"cameras cup/32-pad-turntable"} | FROM_SCENE
 ALL = {"views cup/32-pad"} | FROM_SILHOUETTES | FROM_CAMERAS
@@ -64,7 +65,7 @@ def test_what_changes_nothing_reruns_nothing(project):
 @pytest.mark.parametrize(
     ("path", "old", "new", "expected"),
     [
-        ("fitting/losses.py", "EPS = 1e-6", "EPS = 2e-6", from_fit(*VARIANTS)),
+        ("fitting/losses.py", "EPS = 1e-6", "EPS = 2e-6", FROM_FIRST),
         ("colouring.py", "SQUARE = 3", "SQUARE = 2", {
             *(f"{step} cup/{v}" for v in VARIANTS for step in ("colour", "picture")),
             "report report"}),
@@ -148,7 +149,8 @@ def test_a_variant_of_other_silhouettes(project):
         "silhouettes cup/32-pad-threshold",
         f"scene {scene}",
         f"rings {scene}",
-        f"first {scene}-sphere-60-bbox",
+        f"judge {scene}-drop-3",
+        f"first {scene}-drop-3-sphere-60-bbox",
         *from_fit("plain"),
     }
 
@@ -161,7 +163,8 @@ def test_cameras_found_from_silhouettes(project):
         f"calibrate {scene}",
         f"scene {scene}",
         f"rings {scene}",
-        f"first {scene}-sphere-60-bbox",
+        f"judge {scene}-keep-3",
+        f"first {scene}-keep-3-sphere-60-bbox",
         *from_fit("found"),
     }
     assert project.outdated() == from_calibrate
@@ -182,7 +185,9 @@ def test_cameras_found_by_colmap_or_from_silhouettes(project):
         "colmap_masked cup/32-pad-mask-colmap_fallback",
         "calibrate cup/32-pad-mask-calibrate",
         f"scene {scene}",
-        f"first {scene}-sphere-60-bbox",
+        f"rings {scene}",
+        f"judge {scene}-keep-3",
+        f"first {scene}-keep-3-sphere-60-bbox",
         *from_fit("found"),
     }
 

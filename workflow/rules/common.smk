@@ -8,6 +8,18 @@ def with_scene(wildcards):
     return plan.with_key(wildcards.object, "scene", wildcards.scene)
 
 
+def with_judged(wildcards):
+    """A run that has this scene after its doubtful views were dealt with."""
+    return plan.with_key(wildcards.object, "judged", wildcards.judged)
+
+
+def judge_settings(wildcards):
+    """The arguments that say what is done with doubtful views."""
+    run = with_judged(wildcards)
+    world = " --keep-world" if run.keeps_world else ""
+    return f"--policy {run.policy} --fewest {run.quality.fewest}{world}"
+
+
 def with_first(wildcards):
     """A run that has this first mesh."""
     return plan.with_key(wildcards.object, "first", wildcards.first)
@@ -19,14 +31,28 @@ def with_silhouettes(wildcards):
     return plan.with_key(wildcards.object, "silhouettes", key)
 
 
+def silhouettes_weights(wildcards):
+    """The file of a network's weights; a link to fetched ones, whatever its age."""
+    file = with_silhouettes(wildcards).weights_file
+    return [] if file is None else ancient(file) if WEIGHTS in file.parents else file
+
+
+def silhouettes_threads(wildcards):
+    """A network's threads; another source has one."""
+    return 2 if with_silhouettes(wildcards).silhouettes in ("deeplab", "matting") else 1
+
+
 def silhouettes_settings(wildcards, threads):
-    """The arguments of a network that finds silhouettes."""
+    """The arguments that silhouettes need beside the views."""
     run = with_silhouettes(wildcards)
-    if run.silhouettes != "deeplab":
-        return ""
-    values = run.deeplab.model_dump()
-    values["size"] = None if values["size"] == "auto" else values["size"]
-    return f"--deeplab {quote(json.dumps(values))} --threads {threads}"
+    spare = " --spare" * plan.spares(wildcards.object, run.silhouettes_key)
+    if run.silhouettes not in ("deeplab", "matting"):
+        return f"--source {run.silhouettes}{spare}"
+    values = getattr(run, run.silhouettes).model_dump()
+    if values.get("size") == "auto":
+        values["size"] = None
+    told = f"--settings {quote(json.dumps(values))} --threads {threads}"
+    return f"--source {run.silhouettes} {told}{spare}"
 
 
 def with_cameras(wildcards):
@@ -95,7 +121,7 @@ def fit_inputs(wildcards):
     stages = f"results/{wildcards.object}/stages"
     return {
         "first": f"{stages}/first/{run.first_key}/first.ply",
-        "scene": f"{stages}/scenes/{run.scene_key}",
+        "scene": f"{stages}/judged/{run.judged_key}",
     }
 
 
@@ -174,6 +200,12 @@ def report_settings():
     }
     configuration = plan.config.model_dump(mode="json")
     return json.dumps({"configuration": configuration, "objects": rows})
+
+
+def sheets():
+    """The sheet of each set of silhouettes."""
+    keys = dict.fromkeys((run.dataset.object, run.judged_key) for run in plan.runs)
+    return [f"results/report/silhouettes/{object_}/{key}.png" for object_, key in keys]
 
 
 def every_run(path):

@@ -5,7 +5,7 @@
 
 rule first:
     input:
-        scene=lambda w: f"results/{w.object}/stages/scenes/{with_first(w).scene_key}",
+        scene=lambda w: f"results/{w.object}/stages/judged/{with_first(w).judged_key}",
     output:
         mesh="results/{object}/stages/first/{first}/first.ply",
         report="results/{object}/stages/first/{first}/init.json",

@@ -86,6 +86,7 @@ rule page:
         figures=list(dict.fromkeys(every_run("results/report/figures/{}.svg"))),
         scenes=list(dict.fromkeys(every_run("results/{0}/stages/scenes/{2}"))),
         rings=list(dict.fromkeys(every_run("results/report/cameras/{0}/{2}.png"))),
+        sheets=sheets(),
     output:
         losses=report(
             "results/report/losses.csv",
@@ -116,5 +117,5 @@ rule page:
         "writing results/report/report.html"
     shell:
         "python -m silmesh.steps.report --results results --runs {params.runs}"
-        " --settings {params.settings:q} --losses {output.losses:q}"
+        " --settings {params.settings:q} --sheets {input.sheets:q} --losses {output.losses:q}"
         " --summary {output.summary:q} --page {output.page:q} 2> {log:q}"

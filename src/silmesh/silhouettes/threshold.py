@@ -9,6 +9,8 @@ from skimage.filters import threshold_otsu
 
 from silmesh.views import View
 
+BORDER = 0.02  # of the shorter side: how wide the border is that is taken for background
+ROUNDS = 8  # of the background's fit, each without what lies off the one before
 SPECK = 0.02  # of the object's area: smaller pieces are dropped and smaller holes filled
 
 
@@ -23,23 +25,50 @@ def find(image: Image.Image, view: View, mask: Path | None) -> np.ndarray:
 def separate(pixels: np.ndarray) -> np.ndarray:
     """Separate an object from a plain background.
 
-    The background's colour is the median of the border. A pixel's contrast is its largest
-    difference from that over the channels. The level is Otsu's between the background and the
-    object's darkest part, found by applying Otsu's twice (the first split may run through the
-    object, between its light and its dark side), and never below what the border itself shows.
+    The background is a polynomial of second order in the place, for uneven light, fitted to the
+    border. A pixel's contrast is its largest difference from that over the channels. The level is
+    Otsu's between the background and the object's darkest part, found by applying Otsu's twice (the
+    first split may run through the object, between its light and its dark side), and never below
+    what the border itself shows. A hole in which most pixels still differ from the background by
+    more than the border does is a part as dark as that, and filled.
 
     Args:
         pixels: [height, width, 3] uint8
     Returns:
         [height, width] bool
     """
-    values = pixels.astype(np.int16)
-    edge = np.concatenate([values[0], values[-1], values[:, 0], values[:, -1]])
-    ground = np.median(edge, axis=0)
-    contrast = np.abs(values - ground).max(axis=-1)
-    noise = np.percentile(np.abs(edge - ground).max(axis=-1), 90)
+    values = pixels.astype(np.float64)
+    border = _border(pixels.shape[:2])
+    contrast = np.abs(values - _ground(values, border)).max(axis=-1).round()
+    noise = np.percentile(contrast[border], 90)
     level = max(_level(contrast), 2 * noise, 4)
-    return _clean(contrast > level)
+    return _clean(contrast > level, contrast > max(noise, 2))
+
+
+def _border(shape: tuple[int, int]) -> np.ndarray:
+    """The pixels along the edge of an image: [height, width] bool."""
+    width = max(1, round(BORDER * min(shape)))
+    border = np.ones(shape, bool)
+    border[width:-width, width:-width] = False
+    return border
+
+
+def _ground(values: np.ndarray, border: np.ndarray) -> np.ndarray:
+    """The background behind the object, [height, width, 3], from what the border shows of it.
+
+    Least squares, begun with what is near the border's median; what the object covers of the border
+    lies off the fit and is left out of the next.
+    """
+    y, x = (np.linspace(-1, 1, side) for side in border.shape)
+    y, x = np.meshgrid(y, x, indexing="ij")
+    terms = np.stack([np.ones_like(x), x, y, x * y, x * x, y * y], axis=-1)
+    there, seen = terms[border], values[border]
+    off = np.abs(seen - np.median(seen, axis=0)).max(axis=-1)
+    for _ in range(ROUNDS):
+        near = off <= max(np.percentile(off, 60), 2)
+        factors = np.linalg.lstsq(there[near], seen[near], rcond=None)[0]
+        off = np.abs(seen - there @ factors).max(axis=-1)
+    return terms @ factors
 
 
 def _level(contrast: np.ndarray) -> float:
@@ -51,15 +80,23 @@ def _level(contrast: np.ndarray) -> float:
     return float(threshold_otsu(dark)) if dark.max() > dark.min() else float(first)
 
 
-def _clean(silhouette: np.ndarray) -> np.ndarray:
-    """Drop specks and fill pinholes, both judged by the object's area."""
+def _clean(silhouette: np.ndarray, differs: np.ndarray) -> np.ndarray:
+    """Drop specks and fill pinholes, both judged by the object's area, and dark parts.
+
+    Args:
+        silhouette: [height, width] bool
+        differs: [height, width] bool, where the background does not show
+    """
     if not silhouette.any():
         return silhouette
     pieces, areas = _pieces(silhouette)
     least = SPECK * areas.max()
     kept = (areas >= least)[pieces]
     holes, areas = _pieces(~kept)
-    return ~(areas >= least)[holes]
+    dark = np.bincount(holes[differs], minlength=len(areas)) > areas / 2
+    edges = (holes[0], holes[-1], holes[:, 0], holes[:, -1])
+    dark[np.unique(np.concatenate(edges))] = False
+    return ~((areas >= least) & ~dark)[holes]
 
 
 def _pieces(region: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -22,6 +22,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--results", type=Path, required=True, help="folder of the results")
     args.add_argument("--runs", nargs="+", required=True, help="OBJECT/VARIANT/SCENE, in order")
     args.add_argument("--settings", required=True, help="JSON: configuration and objects")
+    args.add_argument("--sheets", nargs="*", type=Path, default=[], help="<object>/<how>.png each")
     args.add_argument("--losses", type=Path, required=True, help="losses.csv to write")
     args.add_argument("--summary", type=Path, required=True, help="summary.csv to write")
     args.add_argument("--page", type=Path, required=True, help="report.html to write")
@@ -42,7 +43,11 @@ def main(argv: Sequence[str] | None = None) -> None:
         )
         for run, key in scene_of.items()
     }
-    page = write_page(metrics, figures, pictures, scenes, json.loads(given.settings))
+    sheets = {
+        object_: [sheet for sheet in given.sheets if sheet.parent.name == object_]
+        for object_ in figures
+    }
+    page = write_page(metrics, figures, pictures, scenes, json.loads(given.settings), sheets)
     with replacing(given.losses) as part:
         gather_losses(losses).to_csv(part, index=False)
     with replacing(given.summary) as part:

@@ -6,6 +6,7 @@ from pathlib import Path
 import torch
 import trimesh
 
+from silmesh.agreement import find_shown
 from silmesh.files import replacing
 from silmesh.hull import carve
 from silmesh.report.rings import draw_rings
@@ -25,7 +26,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)
     cameras, _, scene = read_scene(given.scene)
-    hull = carve(read_silhouettes(given.scene / SILHOUETTES, cameras.views), cameras, RESOLUTION)
+    silhouettes = read_silhouettes(given.scene / SILHOUETTES, cameras.views)
+    shown = find_shown(silhouettes)
+    hull = carve(silhouettes[shown], cameras.select(shown), RESOLUTION)
     mesh = trimesh.Trimesh() if hull.empty else trimesh.Trimesh(*hull.surface())
     picture = draw_rings(cameras, mesh, scene["dropped"])
     with replacing(given.output) as part:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import torch
 
-from silmesh.agreement import Placed, choose, place, refused_or
+from silmesh.agreement import Placed, choose, find_shown, place, refused_or
 from silmesh.cameras.attempt import Attempt, read_attempt
 from silmesh.errors import InputError, blaming
 from silmesh.hull import find_doubtful
@@ -87,7 +87,8 @@ def _name_doubtful(best: Placed, silhouettes: Path) -> list[str]:
         return []
     views = best.cameras.views
     seen = best.straightened.silhouettes(read_silhouettes(silhouettes, views))
-    return [views[i] for i in find_doubtful(seen, best.cameras)]
+    shown = find_shown(seen)
+    return [views[shown[i]] for i in find_doubtful(seen[shown], best.cameras.select(shown))]
 
 
 if __name__ == "__main__":

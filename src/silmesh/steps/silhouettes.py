@@ -1,6 +1,7 @@
 """Find the silhouette of every view."""
 
 import json
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -16,23 +17,41 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--views", type=Path, required=True, help="folder of the working images")
     args.add_argument("--source", choices=[*SOURCES, *NETWORKS], required=True)
     args.add_argument("--masks", nargs="*", type=Path, default=[], help="files, a view each")
-    args.add_argument("--deeplab", type=json.loads, default={}, help="its settings, as JSON")
+    args.add_argument("--settings", type=json.loads, default={}, help="of a network, as JSON")
     args.add_argument("--threads", type=int, help="of a network")
+    args.add_argument(
+        "--spare", action="store_true", help="an unusable silhouette is empty and not refused"
+    )
     args.add_argument("--output", type=Path, required=True, help="folder to make")
     given = args.parse_args(argv)
     views = read_views(given.views)
-    settings = _prepare(given.deeplab, given.threads) if given.source == "deeplab" else None
-    write_silhouettes(given.source, views, given.views, given.masks, given.output, settings)
+    spared = write_silhouettes(
+        given.source,
+        views,
+        given.views,
+        given.masks,
+        given.output,
+        _prepare(given.source, given.settings, given.threads),
+        given.spare,
+    )
+    for wrong in spared:
+        print(f"silmesh: {wrong}", file=sys.stderr)
 
 
-def _prepare(values: Mapping[str, Any], threads: int | None) -> Any:
-    """The network's settings; torch, which the other sources do without, set up for it."""
-    import torch
+def _prepare(source: str, values: Mapping[str, Any], threads: int | None) -> Any:
+    """A network's settings, imported and set up only for it; another source has none."""
+    if source == "matting":
+        from silmesh.silhouettes.matting import Settings
 
-    from silmesh.silhouettes.deeplab import Settings
+        return Settings(**values, threads=threads or 1)
+    if source == "deeplab":
+        import torch
 
-    torch.set_num_threads(threads or torch.get_num_threads())
-    return Settings(**values)
+        from silmesh.silhouettes.deeplab import Settings
+
+        torch.set_num_threads(threads or torch.get_num_threads())
+        return Settings(**values)
+    return None
 
 
 if __name__ == "__main__":

@@ -1,0 +1,133 @@
+"""How good the silhouettes of real photographs are, as JSON: IoU with the given masks.
+
+    python benchmarks/silhouettes.py moisturiser threshold [--data ../shared/data]
+    python benchmarks/silhouettes.py bunny matting --work /tmp/bunny
+
+The bunny's silhouettes are judged and repaired with the cameras that come with the photographs.
+``--work`` names a folder for what is made; the alpha of photographs that are in it is used again.
+"""
+
+import argparse
+import json
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import torch
+from PIL import Image
+from scipy.linalg import rq
+
+from silmesh.cameras.camera import Cameras, write_cameras
+from silmesh.silhouettes import encode, read_silhouettes, write_silhouettes
+from silmesh.silhouettes.matting import Settings, find_alphas
+from silmesh.steps import cameras, judge, scene
+from silmesh.views import View, find_images, match_masks, write_views
+
+SIZE = 256
+FOLDERS = {
+    "moisturiser": ("aloi_moisturiser/png2/moisturiser", "aloi_moisturiser/mask2/moisturiser"),
+    "bunny": ("bunny/images", "bunny/masks"),
+}
+WRONG = 0.85  # below this IoU a mask is wrong, and should be marked
+
+
+def find(views: list[View], method: str, work: Path) -> Path:
+    """The folder of the silhouettes by a method."""
+    if method == "threshold":
+        write_silhouettes(method, views, work / "views", [], work / method)
+        return work / method
+    (work / "alpha").mkdir(exist_ok=True)
+    (work / method).mkdir(exist_ok=True)
+    lacking = [view for view in views if not (work / "alpha" / f"{view.view}.png").is_file()]
+    for view, alpha in zip(lacking, find_alphas(lacking, Settings("isnet", 2)), strict=False):
+        alpha.save(work / "alpha" / f"{view.view}.png")
+    for view in views:
+        with Image.open(work / "alpha" / f"{view.view}.png") as alpha:
+            found = np.asarray(view.place(alpha, Image.Resampling.BILINEAR)) > 127
+        encode(found).save(work / method / f"{view.view}.png")
+    return work / method
+
+
+def given_cameras(folder: Path, views: list[View]) -> Cameras:
+    """The cameras of the photographs, from P = K [R | t] by an RQ decomposition."""
+    parts = []
+    for view in views:
+        P = np.loadtxt(folder / f"{view.view}.txt").reshape(3, 4)
+        P *= np.sign(np.linalg.det(P[:, :3]))
+        K, R = rq(P[:, :3])
+        signs = np.diag(np.sign(np.diag(K)))
+        K, R = np.triu(K @ signs), signs @ R
+        parts.append((K / K[2, 2], R, np.linalg.solve(K, P[:, 3])))
+    K, R, t = (torch.tensor(np.stack(part)) for part in zip(*parts, strict=True))
+    sizes = torch.tensor([[view.width, view.height] for view in views])
+    return Cameras(tuple(view.view for view in views), sizes, K, R, t)
+
+
+def repaired(views: list[View], found: Path, data: Path, work: Path) -> tuple[np.ndarray, dict]:
+    """The silhouettes after judging and repair, and what the scene says of them."""
+    write_cameras(work / "given.json", given_cameras(data / "bunny/projections", views))
+    shown = ["--views", str(work / "views")]
+    cameras.main([*shown, "--file", str(work / "given.json"), "--output", str(work / "cameras")])
+    named = ["--silhouettes", str(found), "--cameras", str(work / "cameras")]
+    scene.main([*shown, *named, "--output", str(work / "scene")])
+    outputs = ["--output", str(work / "judged"), "--sheet", str(work / "sheet.png")]
+    judge.main(["--scene", str(work / "scene"), "--policy", "repair", *outputs])
+    told = json.loads((work / "judged" / "scene.json").read_text())
+    fitted = [view.view for view in views if view.view not in told["dropped"]]
+    return read_silhouettes(work / "judged" / "silhouettes", fitted), told
+
+
+def iou(found: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """Of each view: [views]."""
+    return (found & truth).sum((1, 2)) / np.maximum((found | truth).sum((1, 2)), 1)
+
+
+def summarise(values: np.ndarray) -> dict[str, float]:
+    """Views, mean and worst."""
+    return {"views": len(values), "mean": float(values.mean()), "worst": float(values.min())}
+
+
+def measure(dataset: str, method: str, data: Path, work: Path) -> dict:
+    """All numbers of a method on a dataset."""
+    images, masks = (find_images(data / folder) for folder in FOLDERS[dataset])
+    views = write_views(images, SIZE, "pad", work / "views")
+    names = [view.view for view in views]
+    write_silhouettes("mask", views, work / "views", match_masks(images, masks), work / "given")
+    truth = read_silhouettes(work / "given", names)
+    start = time.perf_counter()
+    folder = find(views, method, work)
+    seconds = time.perf_counter() - start
+    single = iou(read_silhouettes(folder, names), truth)
+    result = {"dataset": dataset, "method": method, "found": summarise(single), "seconds": seconds}
+    if dataset == "bunny":
+        new, told = repaired(views, folder, data, work)
+        kept = [i for i, name in enumerate(names) if name not in told["dropped"]]
+        wrong = {name for name, value in zip(names, single, strict=True) if value < WRONG}
+        marked = set(told["doubtful"])
+        result |= {
+            "repaired": summarise(iou(new, truth[kept])),
+            "wrong": len(wrong),
+            "wrong_and_marked": len(wrong & marked),
+            "false_alarms": len(marked - wrong),
+            "hull_iou_mean": told["hull_iou_mean"],
+        }
+    return result
+
+
+def main() -> None:
+    """Parse, measure, print."""
+    args = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    args.add_argument("dataset", choices=list(FOLDERS))
+    args.add_argument("method", choices=["threshold", "matting"])
+    args.add_argument("--data", type=Path, default=Path("../shared/data"))
+    args.add_argument("--work", type=Path, help="folder for what is made; else a temporary one")
+    given = args.parse_args()
+    with tempfile.TemporaryDirectory() as made:
+        work = given.work or Path(made)
+        work.mkdir(parents=True, exist_ok=True)
+        print(json.dumps(measure(given.dataset, given.method, given.data, work), indent=1))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Which silhouettes can be trusted, and what is done with those that cannot."""

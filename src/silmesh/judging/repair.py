@@ -1,0 +1,91 @@
+"""Segment a doubtful view again, with what the other views say about it.
+
+Their visual hull, seen from the view, can only be too large: what lies outside is background, what
+lies deep inside and was found before is object, and GrabCut (Rother et al. 2004) cuts between them
+by the photograph's colours.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from PIL import Image
+from scipy import ndimage
+
+from silmesh.cameras.camera import Cameras
+from silmesh.errors import InputError
+from silmesh.judging.votes import count_denials
+
+OUTER = 4  # pixels outside the hull that colours are still judged in; further out is background
+INNER = 1 / 40  # of the image's side: how deep inside the hull the object is sure
+ITERATIONS = 5
+
+
+def repair(
+    photographs: Sequence[Image.Image],
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+    doubtful: Sequence[int],
+    sound: Sequence[int],
+) -> np.ndarray:
+    """New silhouettes of the doubtful views: [len(doubtful), height, width] bool.
+
+    Args:
+        photographs: of the doubtful views, their working images
+        silhouettes: [views, height, width] bool, of all views
+        cameras: of all views, in the normalised world
+        doubtful, sound: positions of the views to segment again, and of those that say how
+    """
+    hulls = count_denials(silhouettes, cameras, doubtful, sound, 1) == 0
+    return np.stack(
+        [
+            segment(np.asarray(photograph.convert("RGB")), hull, silhouettes[i])
+            for photograph, hull, i in zip(photographs, hulls, doubtful, strict=True)
+        ]
+    )
+
+
+def segment(pixels: np.ndarray, hull: np.ndarray, before: np.ndarray) -> np.ndarray:
+    """Cut the object out of a photograph, within what the other views allow.
+
+    Args:
+        pixels: [height, width, 3] uint8
+        hull: [height, width] bool, where the object can be
+        before: [height, width] bool, the silhouette that is doubted
+    Returns:
+        [height, width] bool; nothing if the hull is empty
+    """
+    cv2 = _import_cv2()
+    core = ndimage.distance_transform_edt(hull) > INNER * max(hull.shape)
+    if not core.any():
+        return np.zeros_like(hull)
+    sure = core & before if (core & before).sum() > core.sum() / 2 else core
+    labels = np.where(hull, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
+    labels[~ndimage.binary_dilation(hull, iterations=OUTER)] = cv2.GC_BGD
+    labels[sure] = cv2.GC_FGD
+    models = np.zeros((1, 65)), np.zeros((1, 65))
+    cv2.setRNGSeed(0)
+    cv2.grabCut(
+        np.ascontiguousarray(pixels), labels, None, *models, ITERATIONS, cv2.GC_INIT_WITH_MASK
+    )
+    return _drop_specks(np.isin(labels, (cv2.GC_FGD, cv2.GC_PR_FGD)) & hull)
+
+
+def _drop_specks(region: np.ndarray) -> np.ndarray:
+    """The pieces of a region that are not specks."""
+    if not region.any():
+        return region
+    pieces, count = ndimage.label(region)
+    areas = np.bincount(pieces.ravel(), minlength=count + 1)
+    areas[0] = 0
+    return (areas >= 0.05 * areas.max())[pieces]
+
+
+def _import_cv2():
+    try:
+        import cv2
+    except ImportError as error:
+        raise InputError(
+            "quality.policy 'repair': OpenCV is not installed; `pip install -e '.[matting]'` "
+            "installs it, and policy 'drop' does without"
+        ) from error
+    return cv2

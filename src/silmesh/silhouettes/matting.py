@@ -1,0 +1,97 @@
+"""Silhouettes by a general foreground model, ISNet (Qin et al. 2022) unless another is named.
+
+The model sees each photograph from its file, not the working image, squeezed to the square that it
+works at, as (rgb - 128) / 256. Its first output is alpha, which is resized to the working image and
+cut at one half. One photograph is in memory at a time, a JPEG no larger than the model needs.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from PIL import Image
+
+from silmesh.errors import InputError
+from silmesh.silhouettes.weights import find_weights
+from silmesh.views import View, read_photograph
+
+if TYPE_CHECKING:
+    from onnxruntime import InferenceSession
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What ``config.Matting`` describes, and on how many threads."""
+
+    model: str
+    threads: int = 1
+
+
+def find_all(views: Sequence[View], settings: Settings) -> Iterator[np.ndarray]:
+    """The silhouette of each view in turn, [size, size] bool.
+
+    Raises:
+        InputError: the weights or a photograph cannot be used
+    """
+    for view, alpha in zip(views, find_alphas(views, settings), strict=True):
+        yield np.asarray(view.place(alpha, Image.Resampling.BILINEAR)) > 127
+
+
+def find_alphas(views: Sequence[View], settings: Settings) -> Iterator[Image.Image]:
+    """What the model gives of each photograph in turn: 8-bit grey, over its field of view."""
+    session = open_model(find_weights(settings.model), settings.threads)
+    taken = session.get_inputs()[0]
+    for view in views:
+        shown = _show(view, taken.shape[2:])
+        alpha = session.run([session.get_outputs()[0].name], {taken.name: shown})[0][0, 0]
+        yield Image.fromarray((255 * alpha.clip(0, 1)).round().astype(np.uint8))
+
+
+def _show(view: View, size: tuple[int, int]) -> np.ndarray:
+    """A photograph as the model sees it: [1, 3, height, width] float32."""
+    height, width = size
+    photograph = read_photograph(view, (width, height)).convert("RGB")
+    squeezed = photograph.resize((width, height), Image.Resampling.BILINEAR, reducing_gap=3.0)
+    return (np.asarray(squeezed, np.float32).transpose(2, 0, 1)[None] - 128) / 256
+
+
+def open_model(weights: Path, threads: int) -> "InferenceSession":
+    """Load a foreground model: an image [1, 3, height, width] in, first [1, 1, height, width] out.
+
+    Raises:
+        InputError: onnxruntime is not installed, the file is no ONNX model or truncated, or the
+            model is of another kind
+    """
+    onnxruntime = _import_onnxruntime()
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = threads
+    options.log_severity_level = 4
+    try:
+        session = onnxruntime.InferenceSession(weights, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # its own classes share no other base
+        raise InputError(
+            f"{weights}: cannot be loaded as an ONNX model; it may be truncated: {error}"
+        ) from error
+    (taken, *others), given = session.get_inputs(), session.get_outputs()[0]
+    shape = taken.shape
+    whole = len(shape) == 4 and all(isinstance(side, int) and side > 0 for side in shape[2:])
+    if others or not whole or shape[1] != 3 or given.shape[1:] != [1, *shape[2:]]:
+        raise InputError(
+            f"{weights}: is a model of another kind: it takes {shape} and gives {given.shape}; "
+            "should take one image of [1, 3, height, width], of a fixed size, and give its alpha "
+            "of [1, 1, height, width]"
+        )
+    return session
+
+
+def _import_onnxruntime():
+    try:
+        import onnxruntime
+    except ImportError as error:
+        raise InputError(
+            "silhouettes 'matting': onnxruntime is not installed; `pip install -e '.[matting]'` "
+            "installs it"
+        ) from error
+    return onnxruntime

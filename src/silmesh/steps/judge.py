@@ -1,0 +1,157 @@
+"""Judge the silhouettes of a scene, and keep, drop or segment again the doubtful views."""
+
+import shutil
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numba
+import numpy as np
+import pandas as pd
+import torch
+from PIL import Image
+
+from silmesh.cameras.camera import Cameras, Similarity
+from silmesh.errors import blaming
+from silmesh.evaluation import coherence
+from silmesh.files import replacing
+from silmesh.hull import carve
+from silmesh.judging.policy import DROPPED, KEPT, REPAIRED, WEIGHTS, Decision, decide
+from silmesh.judging.repair import repair
+from silmesh.report.sheet import Cell, draw_sheet
+from silmesh.scene import SILHOUETTES, VIEWS, normalising, read_scene, write_scene
+from silmesh.silhouettes import encode, read_silhouettes
+from silmesh.steps.command import parser, run
+
+TABLE, ORIGINALS = "quality.csv", "originals"  # in the scene's folder
+LOWERING = "lowers the hull IoU most"  # what the scene says of views, where nothing worse is found
+MEASURED = ("centre", "scale", "hull_iou_mean", "hull_iou")  # of scene.json: measured again
+
+
+def main(argv: Sequence[str] | None = None) -> None:
+    """Parse, load, call, save."""
+    args = parser(__doc__)
+    args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
+    args.add_argument("--policy", choices=["keep", "drop", "repair"], required=True)
+    args.add_argument("--fewest", type=int, default=3, help="views that must be left")
+    args.add_argument("--keep-world", action="store_true", help="it is normalised already")
+    args.add_argument("--threads", type=int, default=torch.get_num_threads())
+    args.add_argument("--output", type=Path, required=True, help="folder to make")
+    args.add_argument("--sheet", type=Path, required=True, help="PNG to write")
+    given = args.parse_args(argv)
+    torch.set_num_threads(given.threads)
+    numba.set_num_threads(min(given.threads, numba.config.NUMBA_NUM_THREADS))
+    cameras, similarity, told = read_scene(given.scene)
+    found = read_silhouettes(given.scene / SILHOUETTES, cameras.views)
+    photographs = [given.scene / VIEWS / f"{view}.png" for view in cameras.views]
+
+    def segment(doubtful: Sequence[int], sound: Sequence[int]) -> np.ndarray:
+        shown = [Image.open(photographs[i]) for i in doubtful]
+        return repair(shown, found, cameras, doubtful, sound)
+
+    with blaming(given.scene):
+        decision = decide(given.policy, given.fewest, found, cameras, segment)
+    fitted = {cameras.views[i]: decision.silhouettes[i] for i in decision.fitted}
+    _write(
+        given.output,
+        given.scene,
+        _measure(cameras, similarity, told, decision, given.keep_world),
+        _tell(told, cameras.views, decision),
+        _table(cameras.views, decision),
+        fitted,
+    )
+    with replacing(given.sheet) as part:
+        draw_sheet(_cells(cameras.views, photographs, found, decision)).save(part, optimize=True)
+    _say(given.scene, cameras.views, decision)
+
+
+def _measure(
+    cameras: Cameras,
+    similarity: Similarity,
+    told: Mapping[str, Any],
+    decision: Decision,
+    keep_world: bool,
+) -> tuple[Cameras, Similarity, np.ndarray]:
+    """The cameras of the fitted views, their world by the fitted silhouettes, and coherence.
+
+    A scene in which nothing changes is left as it is, to the last bit.
+    """
+    if set(decision.fates) == {KEPT}:
+        return cameras, similarity, np.array([told["hull_iou"][view] for view in cameras.views])
+    kept = cameras.select(decision.fitted)
+    seen = decision.silhouettes[decision.fitted]
+    if not keep_world:
+        kept = kept.in_world_of(similarity.inverse)
+        similarity = normalising(kept, seen)
+        kept = kept.in_world_of(similarity)
+    return kept, similarity, coherence(carve(seen, kept), kept, seen)
+
+
+def _tell(told: Mapping[str, Any], views: Sequence[str], decision: Decision) -> dict[str, Any]:
+    """What ``scene.json`` says of the views beside what is measured."""
+    fates = dict(zip(views, decision.fates, strict=True))
+    doubts = {v: doubt for v, doubt in zip(views, decision.verdict.doubts, strict=True) if doubt}
+    lost = {view: doubts[view] for view in doubts if fates[view] == DROPPED}
+    return {key: value for key, value in told.items() if key not in MEASURED} | {
+        "dropped": told["dropped"] | lost,
+        "doubtful": doubts or dict.fromkeys(told["doubtful"], LOWERING),
+        "repaired": [view for view, fate in fates.items() if fate == REPAIRED],
+        "weights": {views[i]: WEIGHTS[decision.fates[i]] for i in decision.fitted},
+    }
+
+
+def _write(
+    output: Path,
+    scene: Path,
+    world: tuple[Cameras, Similarity, np.ndarray],
+    told: Mapping[str, Any],
+    table: pd.DataFrame,
+    fitted: Mapping[str, np.ndarray],
+) -> None:
+    """Write the scene anew, with ``quality.csv`` and the doubtful silhouettes as they were."""
+    with replacing(output) as part, TemporaryDirectory() as made:
+        for view, silhouette in fitted.items():
+            encode(silhouette).save(Path(made) / f"{view}.png")
+        write_scene(part, *world, {VIEWS: scene / VIEWS, SILHOUETTES: Path(made)}, told)
+        (part / ORIGINALS).mkdir()
+        for view in told["doubtful"]:
+            shutil.copyfile(scene / SILHOUETTES / f"{view}.png", part / ORIGINALS / f"{view}.png")
+        table.to_csv(part / TABLE, index=False)
+
+
+def _table(views: Sequence[str], decision: Decision) -> pd.DataFrame:
+    """A row a view: what was measured, why it is doubtful, and what became of it."""
+    verdict = decision.verdict
+    rows = [
+        {"view": view, **row, "doubt": doubt, "fate": fate, "weight": WEIGHTS[fate]}
+        for view, row, doubt, fate in zip(
+            views, verdict.rows, verdict.doubts, decision.fates, strict=True
+        )
+    ]
+    return pd.DataFrame(rows).round(4)
+
+
+def _cells(
+    views: Sequence[str], photographs: Sequence[Path], found: np.ndarray, decision: Decision
+) -> list[Cell]:
+    """What the sheet shows of each view."""
+    doubts, fates = decision.verdict.doubts, decision.fates
+    remarks = [f"{f}: {d}" if d else "" for f, d in zip(fates, doubts, strict=True)]
+    before = [was if fate == REPAIRED else None for was, fate in zip(found, fates, strict=True)]
+    parts = zip(views, photographs, decision.silhouettes, before, remarks, strict=True)
+    return [Cell(*part) for part in parts]
+
+
+def _say(scene: Path, views: Sequence[str], decision: Decision) -> None:
+    """Tell a person of the doubtful views before the fit, not only on the page."""
+    if decision.verdict.refusal:
+        print(f"silmesh: {scene}: {decision.verdict.refusal}", file=sys.stderr)
+    for view, fate, doubt in zip(views, decision.fates, decision.verdict.doubts, strict=True):
+        if doubt:
+            print(f"silmesh: {scene}: view {view!r} is {fate}: {doubt}", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    run(main)

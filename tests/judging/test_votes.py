@@ -1,0 +1,78 @@
+import numpy as np
+import pytest
+import torch
+from scenes import silhouettes, turntable
+from scipy.ndimage import binary_dilation
+
+from silmesh.judging.votes import GRACE, ROUND, count_denials
+
+SIZE = 32
+
+
+def plainly(seen, cameras, i):
+    """The same by points on the rays through the pixels' middles, each put into every view."""
+    denied = ~binary_dilation(seen, ROUND[None], iterations=GRACE)
+    along = np.arange(SIZE) + 0.5
+    pixels = np.stack([*np.meshgrid(along, along), np.ones((SIZE, SIZE))], axis=-1)
+    ways = pixels @ np.linalg.inv(cameras.K[i].numpy()).T @ cameras.R[i].numpy()
+    depths = np.linspace(2.732 - 0.7, 2.732 + 0.7, 150)
+    points = cameras.centres[i].numpy() + depths[:, None, None, None] * ways
+    u, v = np.moveaxis(cameras.project(torch.tensor(points.reshape(-1, 3))).numpy(), -1, 0)
+    within = (u >= 0) & (u < SIZE) & (v >= 0) & (v < SIZE)
+    columns, rows = (np.clip(x, 0, SIZE - 1).astype(int) for x in (u, v))
+    says = [denied[j, rows[j], columns[j]] | ~within[j] for j in range(len(seen)) if j != i]
+    return np.sum(says, axis=0).reshape(len(depths), SIZE, SIZE).min(axis=0)
+
+
+def test_denials_are_those_of_points_along_the_rays():
+    cameras = turntable(8, SIZE, elevation=20)
+    seen = silhouettes(cameras, [0.45, 0.2, 0.3])
+    seen[3, :, :16] = False
+    found = count_denials(seen, cameras, [0, 3], range(8), 9)
+    for counts, view in zip(found, (0, 3), strict=True):
+        plain = plainly(seen, cameras, view)
+        near = plain <= 1  # further out they look in a smaller sphere
+        assert near.sum() > 100
+        assert (counts == plain)[near].mean() > 0.9  # rays are sampled a pixel apart
+        assert not (counts[~near] == 0).any()
+
+
+def test_one_wrong_view_denies_once():
+    cameras = turntable(12, SIZE)
+    seen = silhouettes(cameras, [0.4, 0.4, 0.4])
+    seen[5] = False
+    seen[5, 16, 16] = True
+    found = count_denials(seen, cameras, [0], range(12), 3)[0]
+    assert (found[seen[0]] == 1).mean() > 0.8
+    assert (count_denials(seen, cameras, [0], [1, 2, 3, 5], 1)[0][seen[0]] == 1).mean() > 0.8
+    assert not count_denials(seen, cameras, [0], [1, 2, 3, 4], 1)[0][seen[0]].any()
+
+
+@pytest.mark.parametrize("stride", [2, 3])
+def test_a_stride_leaves_rays_out(stride):
+    cameras = turntable(6, SIZE)
+    seen = silhouettes(cameras, [0.4, 0.3, 0.2])
+    whole = count_denials(seen, cameras, [1], range(6), 4)[0]
+    part = count_denials(seen, cameras, [1], range(6), 4, stride)[0]
+    assert part.shape == whole[::stride, ::stride].shape
+    assert (part == whole[::stride, ::stride]).mean() > 0.95
+
+
+def test_a_view_that_the_frame_cuts_says_nothing_beyond_it():
+    cameras = turntable(4, SIZE)
+    seen = silhouettes(cameras, [0.4, 0.3, 0.4])
+    near = cameras.in_pixels_of(zoom(4, 1, 3.0), cameras.sizes)
+    cut = seen.copy()
+    cut[1] = True  # so near that the object fills its image
+    assert not count_denials(cut, near, [0], range(4), 2)[0][seen[0]].any()
+    cut[1] = False
+    cut[1, 8:24, 8:24] = True
+    assert count_denials(cut, near, [0], range(4), 2)[0][seen[0]].any()
+
+
+def zoom(views, i, factor):
+    """Pixel maps that enlarge one view about its middle."""
+    maps = torch.eye(3, dtype=torch.float64).repeat(views, 1, 1)
+    maps[i, 0, 0] = maps[i, 1, 1] = factor
+    maps[i, :2, 2] = SIZE / 2 * (1 - factor)
+    return maps

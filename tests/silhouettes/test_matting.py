@@ -1,0 +1,96 @@
+"""With real weights where the cache has them: `python -m silmesh.steps.fetch_weights isnet`."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from scenes import save
+
+from silmesh.errors import InputError
+from silmesh.silhouettes import matting, read_silhouettes, write_silhouettes
+from silmesh.silhouettes.matting import Settings, find_all, open_model
+from silmesh.silhouettes.weights import find_weights
+from silmesh.views import find_images, match_masks, write_views
+
+onnxruntime = pytest.importorskip("onnxruntime")
+OTHERS = Path(onnxruntime.__file__).parent / "datasets"  # small models that it brings along
+
+
+@pytest.fixture(scope="module")
+def weights():
+    try:
+        return find_weights("isnet")
+    except InputError as error:
+        pytest.skip(str(error))
+
+
+@pytest.mark.slow
+@pytest.mark.data
+def test_isnet_finds_the_real_objects(weights, data, tmp_path):
+    tube, bunny = data / "aloi_moisturiser", data / "bunny"
+    photographs = [tube / "png2/moisturiser/moisturiser_r40.png", bunny / "images/0020.jpg"]
+    masks = [
+        *match_masks(photographs[:1], [tube / "mask2/moisturiser/moisturiser_r40.png"]),
+        *match_masks(photographs[1:], [bunny / "masks/0020.png"]),
+    ]
+    views = write_views(photographs, 256, "pad", tmp_path / "views")
+    write_silhouettes("mask", views, tmp_path / "views", masks, tmp_path / "true")
+    truth = read_silhouettes(tmp_path / "true", [view.view for view in views])
+    for found, true in zip(find_all(views, Settings("isnet", 2)), truth, strict=True):
+        assert (found & true).sum() / (found | true).sum() > 0.95
+
+
+@pytest.mark.slow
+def test_an_empty_photograph_has_no_foreground(weights, tmp_path):
+    save(tmp_path / "a" / "plain.png", np.full((90, 120, 3), 128, np.uint8))
+    views = write_views(find_images(tmp_path / "a"), 64, "pad", tmp_path / "views")
+    with pytest.raises(InputError, match=r"plain.* empty; .*the model sees nothing"):
+        write_silhouettes(
+            "matting", views, tmp_path / "views", [], tmp_path / "out", Settings("isnet", 2)
+        )
+
+
+def test_a_photograph_is_shown_squeezed_and_scaled(tmp_path):
+    pixels = np.zeros((40, 60, 3), np.uint8)
+    pixels[:, 30:] = (255, 128, 0)
+    save(tmp_path / "a" / "p.png", pixels)
+    view = write_views(find_images(tmp_path / "a"), 32, "pad", tmp_path / "views")[0]
+    shown = matting._show(view, (16, 16))
+    assert (shown.shape, shown.dtype) == ((1, 3, 16, 16), np.float32)
+    np.testing.assert_allclose(shown[0, :, 8, 2], -0.5)
+    np.testing.assert_allclose(shown[0, :, 8, 13], [127 / 256, 0, -0.5])
+
+
+def test_a_large_jpeg_is_read_no_larger_than_needed(tmp_path):
+    """Upright, as its EXIF orientation says: it was taken with the camera turned."""
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    (tmp_path / "a").mkdir()
+    lying = Image.new("RGB", (1600, 1200), "black")
+    lying.paste("white", (0, 0, 1600, 600))  # the right half when it stands
+    lying.save(tmp_path / "a" / "p.jpg", exif=exif)
+    view = write_views(find_images(tmp_path / "a"), 32, "pad", tmp_path / "views")[0]
+    assert (view.width, view.height) == (1200, 1600)
+    small = matting.read_photograph(view, (300, 300))
+    assert small.size == (300, 400)
+    shown = matting._show(view, (16, 16))[0, 0]
+    assert shown[8, 2] < -0.4
+    assert shown[8, 13] > 0.4
+
+
+@pytest.mark.parametrize("name", ["sigmoid.onnx", "logreg_iris.onnx"])
+def test_a_model_of_another_kind_is_refused(name):
+    with pytest.raises(InputError, match=f"{name}: is a model of another kind: it takes"):
+        open_model(OTHERS / name, 1)
+
+
+def test_what_is_no_model_is_refused(tmp_path):
+    (tmp_path / "cut.onnx").write_bytes((OTHERS / "logreg_iris.onnx").read_bytes()[:200])
+    with pytest.raises(InputError, match=r"cut\.onnx: cannot be loaded .* may be truncated"):
+        open_model(tmp_path / "cut.onnx", 1)
+
+
+def test_a_file_that_is_not_there_is_named():
+    with pytest.raises(InputError, match=r"matting\.model: no/such\.onnx: is not there"):
+        find_weights("no/such.onnx")
