@@ -66,7 +66,7 @@ def test_a_runs_stages_are_named_by_what_they_depend_on(plan):
 )
 def test_a_first_mesh_is_named_by_what_it_depends_on(plan, init, name):
     made = plan(f"a: {{init: {init}, fit: {{learning_rate: 0.5}}}}")
-    assert keys(made, "a")["first"] == f"256-pad-mask-turntable-{name}"
+    assert keys(made, "a")["first"] == f"256-pad-mask-turntable-keep-3-{name}"
 
 
 @pytest.mark.parametrize(
