@@ -15,6 +15,16 @@ from silmesh.synthetic.layout import photograph_names
 
 min_version("9.10")
 
+# What is left of a run; any of it that is lost is made again.
+RESULTS = (
+    "mesh.ply",
+    "mesh.obj",
+    "mesh.glb",
+    "cameras.json",
+    "loss.csv",
+    "metrics.json",
+)
+
 
 # A run's own configuration replaces the default one: their experiments do not mix.
 if not workflow.configfiles:
@@ -74,8 +84,7 @@ include: "workflow/rules/common.smk"
 rule all:
     input:
         "results/report/report.html",
-        every_run("results/{}/{}/mesh.obj"),
-        every_run("results/{}/{}/mesh.glb"),
+        [every_run(f"results/{{}}/{{}}/{name}") for name in RESULTS],
 
 
 include: "workflow/rules/synthetic.smk"
