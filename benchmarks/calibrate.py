@@ -170,6 +170,7 @@ def main() -> None:
     """Print what was measured."""
     args = argparse.ArgumentParser(description=__doc__)
     args.add_argument("--cases", type=int, default=12)
+    args.add_argument("--first", type=int, default=0, help="seed of the first case")
     args.add_argument("--jitter", type=float, default=0.0, help="of the steps, in degrees")
     args.add_argument("--views", type=int, nargs="+", default=[72, 36, 12])
     args.add_argument("--size", type=int, default=256)
@@ -180,7 +181,9 @@ def main() -> None:
     given = args.parse_args()
     torch.set_num_threads(given.threads)
     cases = [
-        run_case(i, v, given.size, given.jitter) for v in given.views for i in range(given.cases)
+        run_case(given.first + i, v, given.size, given.jitter)
+        for v in given.views
+        for i in range(given.cases)
     ]
     by_views = {v: [c for c in cases if c["views"] == v] for v in given.views}
     result = {str(v): summarise(some) for v, some in by_views.items() if some}

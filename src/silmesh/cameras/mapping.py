@@ -12,6 +12,7 @@ from silmesh.cameras.stages import MODEL, Report
 from silmesh.errors import InputError
 
 SMALLEST = 3  # views of a model
+GROWTH = 1.4  # of the views or points, after which all of them are adjusted again
 
 
 def map_views(database: Path, mapping: str, seed: int, folder: Path, before: Report) -> Report:
@@ -47,6 +48,7 @@ def _map_step_by_step(database: Path, scratch: Path, seed: int) -> Mapping:
     )
     for part in (options.mapper, options.triangulation):
         part.random_seed = seed
+    options.ba_global_frames_ratio = options.ba_global_points_ratio = GROWTH
     options.mapper.num_threads = 1
     return pycolmap.incremental_mapping(database, scratch, scratch, options)
 
