@@ -422,10 +422,10 @@ def _explain(error: Mapping[str, Any], values: Mapping[str, Any]) -> str:
         path = ".".join(map(str, [*keys, unknown]))
         return f"{path}: unknown key; {_nearest(str(unknown), list(schema.model_fields))}"
     if error["type"] == "missing" and keys == list(error["loc"]):
-        return f"{path}: is missing; should be {_in_words(schema)}"
+        return f"{path}: is missing; should be {in_words(schema)}"
     if error["loc"][-1] == "[key]":
-        return f"{path}: this name should be {_in_words(Name)}"
-    return f"{path}: should be {_in_words(schema)}, not {'empty' if value is None else repr(value)}"
+        return f"{path}: this name should be {in_words(Name)}"
+    return f"{path}: should be {in_words(schema)}, not {'empty' if value is None else repr(value)}"
 
 
 def _follow(path: Sequence[str | int], values: Any) -> tuple[list[str | int], Any, Any]:
@@ -452,7 +452,7 @@ def _schema_of(key: str | int, schema: Any) -> Any:
         return _schema_of(key, get_args(schema)[0])
     if get_origin(schema) is dict:
         return get_args(schema)[1]
-    if _is_section(schema):
+    if is_section(schema):
         inside = get_type_hints(schema, include_extras=True).get(key)
         return get_args(inside)[0] if _may_be_absent(inside) else inside
     return None
@@ -461,15 +461,16 @@ def _schema_of(key: str | int, schema: Any) -> Any:
 def _may_be_absent(schema: Any) -> bool:
     """Whether this is a section or nothing."""
     members = get_args(schema)
-    return len(members) == 2 and members[1] is type(None) and _is_section(members[0])
+    return len(members) == 2 and members[1] is type(None) and is_section(members[0])
 
 
-def _is_section(schema: Any) -> bool:
+def is_section(schema: Any) -> bool:
+    """Whether this part of the schema, a type, has keys of its own."""
     return isinstance(schema, type) and issubclass(schema, BaseModel)
 
 
-def _in_words(schema: Any) -> str:
-    """What a value of this part of the schema should be."""
+def in_words(schema: Any) -> str:
+    """What a value of this part of the schema, a type, should be: for messages and the manual."""
     if schema is bool:
         return "true or false"
     if schema is Fit:
@@ -479,7 +480,7 @@ def _in_words(schema: Any) -> str:
     if get_origin(schema) is Literal:
         return _either(list(map(repr, get_args(schema))))
     if get_origin(schema) in (Union, UnionType):
-        return _either([_in_words(part) for part in get_args(schema) if part is not type(None)])
+        return _either([in_words(part) for part in get_args(schema) if part is not type(None)])
     return f"a section with keys of {', '.join(schema.model_fields)}"
 
 
