@@ -6,8 +6,8 @@ from silmesh.manual import describe_configuration
 
 CONFIGURATION = """# Configuration
 
-One file in YAML, given as `bin/run --configfile my.yaml`. An unknown key is refused with the nearest
-known one, a wrong value with what would be right, before anything is made. A dot stands for
+One file in YAML, given as `bin/run --configfile my.yaml`. An unknown key is refused with the
+nearest known one, a wrong value with what would be right, before anything is made. A dot stands for
 a section: `views.size: 256` is written `views: {size: 256}`. What a variant does not say is as
 the run says, or the object's row of the [table](files.md#the-table).
 
