@@ -69,7 +69,7 @@ def test_a_fit_goes_on_to_the_same_bytes(preset, stop, tmp_path):
 def test_what_another_fit_left_is_not_taken(tmp_path):
     path = tmp_path / "checkpoint.pt"
     *_, cameras, seen = scene()
-    Checkpoint(path, (cameras, seen, FAST), every=0).offer({"a": 1})
+    Checkpoint(path, (cameras, seen, FAST), every=0).offer(lambda: {"a": 1})
     assert Checkpoint(path, (cameras, seen, FAST)).read() == {"a": 1}
     assert Checkpoint(path, (cameras, seen, SOFTRAS)).read() is None
     assert Checkpoint(path, (cameras, seen * 0, FAST)).read() is None
@@ -88,7 +88,7 @@ def test_a_file_that_is_no_checkpoint_is_as_none(content, tmp_path):
 def test_it_is_written_only_now_and_then(tmp_path):
     path = tmp_path / "checkpoint.pt"
     checkpoint = Checkpoint(path, ["one"], every=3600)
-    checkpoint.offer({"a": 1})
+    checkpoint.offer(lambda: {"a": 1})
     assert not path.exists()
 
 

@@ -2,7 +2,7 @@
 
 import hashlib
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -38,11 +38,11 @@ class Checkpoint:
             return None
         return kept["state"] if kept.get("digest") == self._digest else None
 
-    def offer(self, state: dict) -> None:
-        """Write the state if it is time to."""
+    def offer(self, state: Callable[[], dict]) -> None:
+        """Write the state, which is only then asked for, if it is time to."""
         if time.monotonic() - self._last >= self._every:
             with replacing(self._path) as part:
-                torch.save({"digest": self._digest, "state": state}, part)
+                torch.save({"digest": self._digest, "state": state()}, part)
             self._last = time.monotonic()
 
     def remove(self) -> None:

@@ -15,6 +15,7 @@ import torch
 from torch import Tensor
 
 from silmesh.cameras.camera import Cameras
+from silmesh.fitting.adam import Adam
 from silmesh.fitting.cameras import Refinement
 from silmesh.fitting.levels import Level, levels_of
 from silmesh.fitting.loop import refuse_not_finite
@@ -94,7 +95,7 @@ class Fast:
         self._round = self._batches * math.ceil(ROUND / self._batches)
         self._refinement = Refinement(cameras)
         self._corrections = self._refinement.start().requires_grad_()
-        self._adam = torch.optim.Adam([self._corrections], CAMERA_STEP, CAMERA_BETAS)
+        self._adam = Adam([self._corrections], CAMERA_BETAS)
         self._count = len(faces)
         self._steps, self.halvings, self._near = 0, 0, False
         self._take_mesh(place(template * 0.5, cameras, silhouettes.cpu()), faces)
@@ -156,8 +157,7 @@ class Fast:
         with torch.no_grad():
             self._u -= length * self._mover.direction(self._u.grad)
         if self._near:
-            self._adam.param_groups[0]["lr"] = CAMERA_STEP * share
-            self._adam.step()
+            self._adam.step(CAMERA_STEP * share)
         refuse_not_finite([], self._u, self._corrections)
         self._steps += 1
 
@@ -213,7 +213,7 @@ class Fast:
                 "faces": self.faces,
                 "mover": self._mover.state(),
                 "corrections": self._corrections.detach(),
-                "adam": self._adam.state_dict(),
+                "adam": self._adam.state(),
             }
         )
 
@@ -229,4 +229,4 @@ class Fast:
         self._mover.restore(state["mover"])
         with torch.no_grad():
             self._corrections.copy_(state["corrections"])
-        self._adam.load_state_dict(state["adam"])
+        self._adam.restore(state["adam"])

@@ -4,6 +4,7 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import astuple, dataclass
+from functools import partial
 from typing import Protocol
 
 from torch import Tensor
@@ -94,8 +95,13 @@ def run(
         watch(records[-1])
         good, here = here, fit.state()
         if checkpoint:
-            checkpoint.offer({"fit": here, "records": [astuple(record) for record in records]})
+            checkpoint.offer(partial(_gather, here, records))
     return records
+
+
+def _gather(state: dict, records: list[Record]) -> dict:
+    """What a checkpoint keeps."""
+    return {"fit": state, "records": [astuple(record) for record in records]}
 
 
 def _go_back(fit: Procedure, good: dict, what: str) -> None:

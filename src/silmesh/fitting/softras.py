@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 from silmesh.cameras.camera import Cameras
+from silmesh.fitting.adam import Adam
 from silmesh.fitting.loop import refuse_not_finite
 from silmesh.fitting.losses import Flatten, Laplacian, iou_loss
 from silmesh.fitting.parametrisation import OctantSigmoid
@@ -57,9 +58,7 @@ class SoftRas:
         weights: Tensor | None = None,
     ):
         self._shape = OctantSigmoid(template)
-        self._adam = torch.optim.Adam(
-            self._shape.parameters(), settings.learning_rate, settings.betas
-        )
+        self._adam = Adam(self._shape.parameters(), settings.betas)
         self._cameras, self._silhouettes, self._weights = cameras, silhouettes, weights
         self._settings = settings
         self._smoothness = Laplacian(faces, len(template)), Flatten(faces)
@@ -91,11 +90,9 @@ class SoftRas:
         ]
         loss = terms[0] + told.laplacian * terms[1] + told.flatten * terms[2]
         losses = refuse_not_finite(torch.stack([loss, *terms]).tolist())
-        self._adam.zero_grad()
+        self._shape.zero_grad()
         loss.backward()
-        for group in self._adam.param_groups:
-            group["lr"] = told.learning_rate * 0.5**self.halvings
-        self._adam.step()
+        self._adam.step(told.learning_rate * 0.5**self.halvings)
         self._steps += 1
         gradients = [parameter.grad for parameter in self._shape.parameters()]
         return refuse_not_finite(losses, *gradients, *self._shape.parameters())
@@ -107,7 +104,7 @@ class SoftRas:
                 "steps": self._steps,
                 "halvings": self.halvings,
                 "shape": dict(self._shape.named_parameters()),
-                "adam": self._adam.state_dict(),
+                "adam": self._adam.state(),
             }
         )
 
@@ -118,4 +115,4 @@ class SoftRas:
         with torch.no_grad():
             for name, parameter in self._shape.named_parameters():
                 parameter.copy_(state["shape"][name])
-        self._adam.load_state_dict(state["adam"])
+        self._adam.restore(state["adam"])
