@@ -18,8 +18,8 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from silmesh.cameras.camera import Cameras
+from silmesh.comparison import compare_to_truth
 from silmesh.errors import InputError
-from silmesh.evaluation import compare_to_truth
 from silmesh.fitting.loop import run
 from silmesh.fitting.softras import Settings, SoftRas
 from silmesh.meshes import read_mesh, to_tensors

@@ -6,7 +6,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from silmesh.alignment import align
-from silmesh.evaluation import compare_to_truth
+from silmesh.comparison import compare_to_truth
 
 
 def teapot():

@@ -24,7 +24,7 @@ ON = {  # what a module of it stands on
 STAGES = {
     *("views", "silhouettes", "cameras", "scene", "shapes", "fitting", "evaluation", "report"),
     *("training", "synthetic", "meshes", "progress", "colouring", "quality", "alignment"),
-    *("agreement", "judging"),
+    *("agreement", "comparison", "judging"),
 }
 PLANNING = {"config", "manual", "datasets", "plan", "provenance", "lock"}
 # What a stage imports of another: the manifest of the working images, which says where each

@@ -23,7 +23,7 @@ from silmesh.meshes import read_mesh
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps import calibrate as calibrate_step
 from silmesh.steps import cameras as cameras_step
-from silmesh.steps import colour, evaluate, first, fit, judge, scene, truth, views
+from silmesh.steps import colour, evaluate, first, fit, judge, scene, sheet, truth, views
 from silmesh.steps import silhouettes as silhouettes_step
 from silmesh.steps.command import run
 
@@ -94,8 +94,8 @@ def results(tmp_path_factory):
         policy="keep",
         threads=1,
         output=out / "scene",
-        sheet=out / "sheet.png",
     )
+    call(sheet, scene=out / "found", judged=out / "scene", output=out / "sheet.png")
     call(
         first,
         scene=out / "scene",
@@ -414,8 +414,7 @@ def doubtful(results, tmp_path):
     save(tmp_path / "silhouettes" / "v2.png", np.zeros((SIZE, SIZE, 4), np.uint8))
     pictures = {"views": results / "views", "silhouettes": tmp_path / "silhouettes"}
     call(scene, **pictures, cameras=results / "cameras", threads=1, output=tmp_path / "found")
-    outputs = {"output": tmp_path / "judged", "sheet": tmp_path / "sheet.png"}
-    return {"scene": tmp_path / "found", "threads": 1, **outputs}
+    return {"scene": tmp_path / "found", "threads": 1, "output": tmp_path / "judged"}
 
 
 def test_a_scene_in_which_nothing_is_doubtful_stays_as_it_is(results):

@@ -20,6 +20,11 @@ def judge_settings(wildcards):
     return f"--policy {run.policy} --fewest {run.quality.fewest}{world}"
 
 
+def judge_threads(wildcards):
+    """One where nothing waits for it, so that it runs beside the first mesh."""
+    return 1 if with_judged(wildcards).policy == "keep" else 2
+
+
 def with_first(wildcards):
     """A run that has this first mesh."""
     return plan.with_key(wildcards.object, "first", wildcards.first)
@@ -115,13 +120,29 @@ def first_settings(wildcards):
     )
 
 
+def fitted_scene(run):
+    """The scene that is fitted: before its judging where that keeps every view as it is."""
+    stages = f"results/{run.dataset.object}/stages"
+    kept = run.policy == "keep"
+    return f"{stages}/scenes/{run.scene_key}" if kept else judged_scene(run)
+
+
+def judged_scene(run):
+    """The scene with what was found of its views."""
+    return f"results/{run.dataset.object}/stages/judged/{run.judged_key}"
+
+
+def first_threads(wildcards):
+    """Two where meshes are tried by fits; carving one leaves the other core to the judging."""
+    return 2 if with_first(wildcards).init.shape == "auto" else 1
+
+
 def fit_inputs(wildcards):
     """The stages that a fit stands on."""
     run = plan.run(wildcards.object, wildcards.variant)
-    stages = f"results/{wildcards.object}/stages"
     return {
-        "first": f"{stages}/first/{run.first_key}/first.ply",
-        "scene": f"{stages}/judged/{run.judged_key}",
+        "first": f"results/{run.dataset.object}/stages/first/{run.first_key}/first.ply",
+        "scene": fitted_scene(run),
     }
 
 
@@ -151,10 +172,10 @@ def fast_settings(fit):
 
 def evaluate_inputs(wildcards):
     """What a mesh is measured against."""
-    truth = plan.run(wildcards.object, wildcards.variant).dataset.truth
-    stages = fit_inputs(wildcards)
+    run = plan.run(wildcards.object, wildcards.variant)
+    truth, stages = run.dataset.truth, fit_inputs(wildcards)
     return {
-        "scene": stages["scene"],
+        "scene": judged_scene(run),
         "first": stages["first"].replace("first.ply", "init.json"),
         "truth": f"results/{wildcards.object}/stages/truth.ply" if truth else [],
     }

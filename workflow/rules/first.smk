@@ -5,14 +5,14 @@
 
 rule first:
     input:
-        scene=lambda w: f"results/{w.object}/stages/judged/{with_first(w).judged_key}",
+        scene=lambda w: fitted_scene(with_first(w)),
     output:
         mesh="results/{object}/stages/first/{first}/first.ply",
         report="results/{object}/stages/first/{first}/init.json",
     log:
         "logs/first/{object}-{first}.log",
     priority: 5
-    threads: 2
+    threads: first_threads
     params:
         settings=first_settings,
         code=code_digest("silmesh.steps.first"),

@@ -1,11 +1,11 @@
 """Fit a first mesh to the silhouettes."""
 
 import argparse
+import csv
 from collections.abc import Sequence
 from dataclasses import astuple, fields
 from pathlib import Path
 
-import pandas as pd
 import torch
 
 from silmesh.cameras.camera import write_cameras
@@ -55,9 +55,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     back = similarity.inverse
     write_mesh(given.meshes, back.apply(fit.verts.double()), fit.faces)
     write_cameras(given.cameras, fit.correct(cameras, kept).in_world_of(back))
-    columns = [field.name for field in fields(Record)]
-    with replacing(given.loss) as part:
-        pd.DataFrame(map(astuple, records), columns=columns).to_csv(part, index=False)
+    with replacing(given.loss) as part, part.open("w", newline="") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(field.name for field in fields(Record))
+        table.writerows(map(astuple, records))
     if checkpoint:
         checkpoint.remove()
 

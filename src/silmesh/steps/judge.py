@@ -9,7 +9,6 @@ from typing import Any
 
 import numba
 import numpy as np
-import pandas as pd
 import torch
 from PIL import Image
 
@@ -20,12 +19,12 @@ from silmesh.files import replacing
 from silmesh.hull import carve
 from silmesh.judging.policy import DROPPED, KEPT, REPAIRED, WEIGHTS, Decision, decide
 from silmesh.judging.repair import repair
-from silmesh.report.sheet import Cell, draw_sheet
+from silmesh.judging.table import write_table
 from silmesh.scene import SILHOUETTES, VIEWS, normalising, read_scene, write_scene
 from silmesh.silhouettes import encode, read_silhouettes
 from silmesh.steps.command import parser, run
 
-TABLE, ORIGINALS = "quality.csv", "originals"  # in the scene's folder
+ORIGINALS = "originals"  # in the scene's folder
 LOWERING = "lowers the hull IoU most"  # what the scene says of views, where nothing worse is found
 MEASURED = ("centre", "scale", "hull_iou_mean", "hull_iou")  # of scene.json: measured again
 
@@ -39,31 +38,21 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--keep-world", action="store_true", help="it is normalised already")
     args.add_argument("--threads", type=int, default=torch.get_num_threads())
     args.add_argument("--output", type=Path, required=True, help="folder to make")
-    args.add_argument("--sheet", type=Path, required=True, help="PNG to write")
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)
     numba.set_num_threads(min(given.threads, numba.config.NUMBA_NUM_THREADS))
     cameras, similarity, told = read_scene(given.scene)
     found = read_silhouettes(given.scene / SILHOUETTES, cameras.views)
-    photographs = [given.scene / VIEWS / f"{view}.png" for view in cameras.views]
 
     def segment(doubtful: Sequence[int], sound: Sequence[int]) -> np.ndarray:
-        shown = [Image.open(photographs[i]) for i in doubtful]
+        shown = [Image.open(given.scene / VIEWS / f"{cameras.views[i]}.png") for i in doubtful]
         return repair(shown, found, cameras, doubtful, sound)
 
     with blaming(given.scene):
         decision = decide(given.policy, given.fewest, found, cameras, segment)
-    fitted = {cameras.views[i]: decision.silhouettes[i] for i in decision.fitted}
-    _write(
-        given.output,
-        given.scene,
-        _measure(cameras, similarity, told, decision, given.keep_world),
-        _tell(told, cameras.views, decision),
-        _table(cameras.views, decision),
-        fitted,
-    )
-    with replacing(given.sheet) as part:
-        draw_sheet(_cells(cameras.views, photographs, found, decision)).save(part, optimize=True)
+    world = _measure(cameras, similarity, told, decision, given.keep_world)
+    told = _tell(told, cameras.views, decision)
+    _write(given.output, given.scene, world, told, cameras.views, decision)
     _say(given.scene, cameras.views, decision)
 
 
@@ -107,41 +96,18 @@ def _write(
     scene: Path,
     world: tuple[Cameras, Similarity, np.ndarray],
     told: Mapping[str, Any],
-    table: pd.DataFrame,
-    fitted: Mapping[str, np.ndarray],
+    views: Sequence[str],
+    decision: Decision,
 ) -> None:
     """Write the scene anew, with ``quality.csv`` and the doubtful silhouettes as they were."""
     with replacing(output) as part, TemporaryDirectory() as made:
-        for view, silhouette in fitted.items():
-            encode(silhouette).save(Path(made) / f"{view}.png")
+        for i in decision.fitted:
+            encode(decision.silhouettes[i]).save(Path(made) / f"{views[i]}.png")
         write_scene(part, *world, {VIEWS: scene / VIEWS, SILHOUETTES: Path(made)}, told)
         (part / ORIGINALS).mkdir()
         for view in told["doubtful"]:
             shutil.copyfile(scene / SILHOUETTES / f"{view}.png", part / ORIGINALS / f"{view}.png")
-        table.to_csv(part / TABLE, index=False)
-
-
-def _table(views: Sequence[str], decision: Decision) -> pd.DataFrame:
-    """A row a view: what was measured, why it is doubtful, and what became of it."""
-    verdict = decision.verdict
-    rows = [
-        {"view": view, **row, "doubt": doubt, "fate": fate, "weight": WEIGHTS[fate]}
-        for view, row, doubt, fate in zip(
-            views, verdict.rows, verdict.doubts, decision.fates, strict=True
-        )
-    ]
-    return pd.DataFrame(rows).round(4)
-
-
-def _cells(
-    views: Sequence[str], photographs: Sequence[Path], found: np.ndarray, decision: Decision
-) -> list[Cell]:
-    """What the sheet shows of each view."""
-    doubts, fates = decision.verdict.doubts, decision.fates
-    remarks = [f"{f}: {d}" if d else "" for f, d in zip(fates, doubts, strict=True)]
-    before = [was if fate == REPAIRED else None for was, fate in zip(found, fates, strict=True)]
-    parts = zip(views, photographs, decision.silhouettes, before, remarks, strict=True)
-    return [Cell(*part) for part in parts]
+        write_table(part, views, decision)
 
 
 def _say(scene: Path, views: Sequence[str], decision: Decision) -> None:

@@ -1,0 +1,67 @@
+"""How near a mesh comes to the true one, in 3D."""
+
+import igl
+import numpy as np
+import trimesh
+from scipy.spatial import cKDTree
+
+SAMPLES = 50_000  # points on each surface
+VOLUME_SAMPLES = 100_000  # points in the box about both bodies
+F_SCORE_DISTANCE = 0.01  # of the diagonal of the truth's bounding box
+DOUBTFUL = 0.1  # of the points inside: of more no winding number may be undecided
+
+
+def compare_to_truth(mesh: trimesh.Trimesh, truth: trimesh.Trimesh) -> dict[str, float | None]:
+    """Compare a mesh with the true one, in the same frame.
+
+    Returns:
+        ``chamfer``: mean distance from a point of one surface to the nearest sampled point of the
+        other, averaged over both directions, in units of the frame; ``f_score``: harmonic mean of
+        the shares of points within 1 % of the truth's diagonal; ``volume_iou``: of the two solids,
+        by points in the box about both, None if one is so open that it has no inside;
+        ``normal_consistency``: mean absolute cosine between the normals at nearest points, over
+        both directions
+    """
+    points, normals = zip(*(_sample_surface(m) for m in (mesh, truth)), strict=True)
+    near = F_SCORE_DISTANCE * float(np.linalg.norm(truth.extents))
+    distances, cosines = [], []
+    for here, there in ((0, 1), (1, 0)):
+        distance, nearest = cKDTree(points[there]).query(points[here])
+        distances.append(distance)
+        cosines.append(np.abs((normals[here] * normals[there][nearest]).sum(axis=1)).mean())
+    precision, recall = ((distance < near).mean() for distance in distances)
+    return {
+        "chamfer": float(np.mean([distance.mean() for distance in distances])),
+        "f_score": float(2 * precision * recall / max(precision + recall, 1e-12)),
+        "volume_iou": _volume_iou(mesh, truth),
+        "normal_consistency": float(np.mean(cosines)),
+    }
+
+
+def _sample_surface(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
+    """Points spread evenly at random over a surface, and the normals there."""
+    points, faces = trimesh.sample.sample_surface(mesh, SAMPLES, seed=0)
+    return points, mesh.face_normals[faces]
+
+
+def _volume_iou(*meshes: trimesh.Trimesh) -> float | None:
+    corners = np.stack([mesh.bounds for mesh in meshes])
+    low, high = corners[:, 0].min(axis=0), corners[:, 1].max(axis=0)
+    points = np.random.default_rng(0).uniform(low, high, (VOLUME_SAMPLES, 3))
+    here, there = (_fill(mesh, points) for mesh in meshes)
+    if here is None or there is None:
+        return None
+    return float((here & there).sum() / max((here | there).sum(), 1))
+
+
+def _fill(mesh: trimesh.Trimesh, points: np.ndarray) -> np.ndarray | None:
+    """Which points lie inside a mesh, closed or nearly so: [points], or None if it has no inside.
+
+    By the generalised winding number (Jacobson et al. 2013): 1 inside and 0 outside of a closed
+    surface, and close to these behind small holes and across seams, so a scan need not be closed.
+    """
+    verts, faces = np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
+    winding = np.abs(igl.fast_winding_number(verts, faces, points))
+    inside = winding > 0.5
+    doubtful = (winding > 0.25) & (winding < 0.75)
+    return None if doubtful.sum() > DOUBTFUL * inside.sum() else inside
