@@ -10,7 +10,8 @@ from silmesh.config import NAME, SoftRasFit
 from silmesh.errors import InputError
 from silmesh.lock import hold
 from silmesh.plan import TRAINED, WEIGHTS, Plan
-from silmesh.provenance import code_digest, file_digest
+from silmesh.provenance import code_digest as digest_code
+from silmesh.provenance import file_digest
 from silmesh.synthetic.layout import photograph_names
 
 min_version("9.10")

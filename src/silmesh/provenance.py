@@ -35,7 +35,7 @@ def code_digest(module: str, source: Path = SOURCE) -> str:
         raise ModuleNotFoundError(f"{source}: has no module {module}")
     digest = hashlib.sha256()
     for name, file in sorted(files.items()):
-        digest.update(name.encode() + b"\0" + _tree(file).encode() + b"\0")
+        digest.update(name.encode() + b"\0" + _read(name, file)[0])
     return digest.hexdigest()[:16]
 
 
@@ -54,10 +54,11 @@ def _reachable(module: str, source: Path) -> dict[str, Path]:
         file = _file(name, source)
         if name not in found and file is not None:
             found[name] = file
-            waiting += _imports(name, file)
+            waiting += _read(name, file)[1]
     return found
 
 
+@cache
 def _file(module: str, source: Path) -> Path | None:
     """The file of a module or a package, or None if there is no such module."""
     path = source.joinpath(*module.split("."))
@@ -66,21 +67,16 @@ def _file(module: str, source: Path) -> Path | None:
 
 
 @cache
-def _tree(file: Path) -> str:
-    """The syntax tree as text, without positions and docstrings."""
-    tree = _parse(file)
+def _read(module: str, file: Path) -> tuple[bytes, list[str]]:
+    """A digest of a module's syntax tree, without positions and docstrings, and its imports.
+
+    These are what it imports from the package: names that may be modules, and their parents.
+    """
+    tree, names = ast.parse(file.read_text(encoding="utf-8")), []
     for node in ast.walk(tree):
-        if isinstance(node, DOCUMENTED) and ast.get_docstring(node) is not None:
+        if isinstance(node, DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
             node.body = node.body[1:]
-    return ast.dump(tree)
-
-
-@cache
-def _imports(module: str, file: Path) -> list[str]:
-    """What a module imports from the package: names that may be modules, and their parents."""
-    names = []
-    for node in ast.walk(_parse(file)):
-        if isinstance(node, ast.Import):
+        elif isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
             base = node.module or ""
@@ -89,11 +85,8 @@ def _imports(module: str, file: Path) -> list[str]:
                 base = resolve_name("." * node.level + base, anchor)
             names += [base] + [f"{base}.{alias.name}" for alias in node.names]
     ours = [name for name in names if name.split(".")[0] == PACKAGE]
-    return [parent for name in ours for parent in _with_parents(name)]
-
-
-def _parse(file: Path) -> ast.Module:
-    return ast.parse(file.read_text(encoding="utf-8"))
+    imported = [parent for name in ours for parent in _with_parents(name)]
+    return hashlib.sha256(ast.dump(tree).encode()).digest(), imported
 
 
 def _with_parents(module: str) -> list[str]:

@@ -17,10 +17,18 @@ from PIL import Image
 
 from silmesh.errors import InputError
 from silmesh.files import replacing
-from silmesh.silhouettes import alpha, mask, threshold
+from silmesh.silhouettes import alpha, mask
 from silmesh.views import View
 
-SOURCES = {"mask": mask.find, "alpha": alpha.find, "threshold": threshold.find}
+
+def _find_by_threshold(image: Image.Image, view: View, file: Path | None) -> np.ndarray:
+    # SciPy takes longer to import than the masks of an object to read.
+    from silmesh.silhouettes import threshold
+
+    return threshold.find(image, view, file)
+
+
+SOURCES = {"mask": mask.find, "alpha": alpha.find, "threshold": _find_by_threshold}
 NETWORKS = ("deeplab", "matting")
 GREY = 124
 FEWEST = 2  # views with a silhouette
