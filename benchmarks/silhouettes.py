@@ -71,8 +71,8 @@ def repaired(views: list[View], found: Path, data: Path, work: Path) -> tuple[np
     cameras.main([*shown, "--file", str(work / "given.json"), "--output", str(work / "cameras")])
     named = ["--silhouettes", str(found), "--cameras", str(work / "cameras")]
     scene.main([*shown, *named, "--output", str(work / "scene")])
-    outputs = ["--output", str(work / "judged"), "--sheet", str(work / "sheet.png")]
-    judge.main(["--scene", str(work / "scene"), "--policy", "repair", *outputs])
+    output = ["--output", str(work / "judged")]
+    judge.main(["--scene", str(work / "scene"), "--policy", "repair", *output])
     told = json.loads((work / "judged" / "scene.json").read_text())
     fitted = [view.view for view in views if view.view not in told["dropped"]]
     return read_silhouettes(work / "judged" / "silhouettes", fitted), told
