@@ -5,13 +5,14 @@ world point is the least of these over the views at the point's projections, so 
 the hull's surface, finer than the grid that it is sampled on. A hull that tolerates k disagreeing
 views takes the least but k.
 
-The grid is filled in blocks. A signed distance changes no faster than one moves, so its value at a
-block's middle bounds it in all of the block: most blocks lie wholly outside or wholly inside, and
-in the others few views can be the ones that decide.
+The grid is filled in blocks, large ones first. A signed distance changes no faster than one moves,
+so its value at a block's middle bounds it in all of the block: most blocks lie wholly outside or
+wholly inside, and in the parts of the others few views can be the ones that decide.
 """
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -24,7 +25,7 @@ REACH = 1 / 16  # of the image's side: distances to the outline are cut off ther
 GRACE = 0.15  # pixels that every outline is moved outwards: each is only known to half a pixel,
 # and the hull takes the worst of all views; without it thin parts vanish from small images
 COARSE = 48  # samples a side of the first grid, which only finds the box that the hull fills
-BLOCK = 4  # samples a side of a block
+BLOCKS = (16, 4, 2)  # samples a side of a block, of its parts, and of theirs
 STEEP = 1.4143  # the most that a distance changes a pixel once it is interpolated
 
 
@@ -58,6 +59,32 @@ class Hull:
         return Hull(self.field[::every, ::every, ::every], self.origin, every * self.spacing)
 
 
+class _Outlines(NamedTuple):
+    """All views for the kernels.
+
+    Attributes:
+        distances: [views, height, width] float32, signed, cut off at ``far``
+        cut: [views] bool, whether the frame cuts the silhouette
+        P: [views, 3, 4]
+        ahead: [views], by how much a step of length 1 changes the depth at most
+        across: [views], by how many pixels it moves a point of the image at depth 1 at most
+        far: pixels
+    """
+
+    distances: np.ndarray
+    cut: np.ndarray
+    P: np.ndarray
+    ahead: np.ndarray
+    across: np.ndarray
+    far: float
+
+
+def is_cut(silhouettes: np.ndarray) -> np.ndarray:
+    """Whether the frame cuts each silhouette [views, height, width]: it may go on beyond it."""
+    rows, columns = silhouettes[:, [0, -1]], silhouettes[:, :, [0, -1]]
+    return rows.any(axis=(1, 2)) | columns.any(axis=(1, 2))
+
+
 def carve(
     silhouettes: np.ndarray, cameras: Cameras, resolution: int = 128, tolerated: int = 0
 ) -> Hull:
@@ -69,20 +96,18 @@ def carve(
         resolution: samples along each side of the box that the hull fills
         tolerated: how many views may put a point of the hull outside
     """
-    far = REACH * max(silhouettes.shape[1:])
-    P = cameras.projections.numpy()
     low, high = np.full(3, -1.6 * OBJECT_RADIUS), np.full(3, 1.6 * OBJECT_RADIUS)
     with ThreadPoolExecutor(torch.get_num_threads()) as pool:
-        distances = _distances(silhouettes, far, pool)
+        seen = _outlines(silhouettes, cameras, pool)
         cell = _half_cell(cameras, (high - low) / (COARSE - 1))
-        coarse = _sample(distances, P, low, high, COARSE, tolerated, cell, pool)
-        filled = np.argwhere(coarse.field > -min(0.95 * far, cell))
+        coarse = _sample(seen, low, high, COARSE, tolerated, cell, pool)
+        filled = np.argwhere(coarse.field > -min(0.95 * seen.far, cell))
         if not len(filled):
             return coarse
         low = coarse.origin + (filled.min(axis=0) - 1) * coarse.spacing
         high = coarse.origin + (filled.max(axis=0) + 1) * coarse.spacing
         cell = 2 * _half_cell(cameras, (high - low) / (resolution - 1))
-        return _sample(distances, P, low, high, resolution, tolerated, cell, pool)
+        return _sample(seen, low, high, resolution, tolerated, cell, pool)
 
 
 def find_doubtful(silhouettes: np.ndarray, cameras: Cameras) -> list[int]:
@@ -97,12 +122,10 @@ def find_doubtful(silhouettes: np.ndarray, cameras: Cameras) -> list[int]:
     Returns:
         positions of views; none if no view is alone in what it cuts off
     """
-    far = REACH * max(silhouettes.shape[1:])
     low, spacing = np.full(3, -OBJECT_RADIUS), np.full(3, 2 * OBJECT_RADIUS / (COARSE - 1))
     with ThreadPoolExecutor(torch.get_num_threads()) as pool:
-        distances = _distances(silhouettes, far, pool)
-    P = cameras.projections.numpy()
-    against = _votes_against(distances, _cut(distances), P, low, spacing, COARSE)
+        seen = _outlines(silhouettes, cameras, pool)
+    against = _votes_against(seen, low, spacing, COARSE)
     fewest = max(1, int(against.sum(axis=1).min()))
     sets, count = np.unique(against[against.sum(axis=1) == fewest], axis=0, return_counts=True)
     return np.flatnonzero(sets[count.argmax()]).tolist() if len(sets) else []
@@ -118,20 +141,28 @@ def signed_distance(silhouette: np.ndarray, far: float, grace: float = GRACE) ->
     Returns:
         [height, width] float32
     """
-    to_other = _to_other(np.ascontiguousarray(silhouette), int(np.ceil(far)) + 2)
-    signed = np.where(silhouette, to_other - 0.5, 0.5 - to_other) + grace
-    return signed.clip(-far, far).astype(np.float32)
+    rows, columns = (np.flatnonzero(silhouette.any(axis=axis)) for axis in (1, 0))
+    signed = np.full(silhouette.shape, -far, np.float32)
+    if len(rows):  # further away than this from its box all is cut off
+        most = int(np.ceil(far)) + 2
+        part = np.s_[
+            max(0, rows[0] - most) : rows[-1] + most + 1,
+            max(0, columns[0] - most) : columns[-1] + most + 1,
+        ]
+        _measure(signed[part], silhouette[part], most, far, grace)
+    return signed
 
 
 @njit(nogil=True, cache=True)
-def _to_other(silhouette, most):
-    """Distance from each pixel's centre to the nearest of the other kind, cut off at ``most``.
+def _measure(signed, silhouette, most, far, grace):
+    """Signed distance of each pixel's centre to the outline.
 
-    Down and up each column first; then along the rows, where a column that stands k aside offers
-    k^2 + (its own distance)^2. Only the columns about those that offer anything need be asked.
+    Down and up each column first the distance to the nearest of the other kind, cut off at
+    ``most``; then along the rows, where a column that stands k aside offers k^2 + (its own
+    distance)^2. Only the columns about those that offer anything need be asked.
     """
     height, width = silhouette.shape
-    along = np.full((height, width), most, np.int64)
+    along = np.full((height, width), most, np.int32)
     for r in range(1, height):
         for c in range(width):
             if silhouette[r, c] != silhouette[r - 1, c]:
@@ -144,32 +175,34 @@ def _to_other(silhouette, most):
                 along[r, c] = 1
             else:
                 along[r, c] = min(along[r + 1, c] + 1, along[r, c])
-    distance = np.full((height, width), float(most))
     for r in range(height):
-        first, last = width, -1
         for c in range(width):
-            if along[r, c] < most or (c and silhouette[r, c] != silhouette[r, c - 1]):
-                first, last = min(first, c - 1), c
-        for c in range(max(0, first - most), min(width, last + most + 1)):
-            best = along[r, c] ** 2
+            inside = silhouette[r, c]
+            best = along[r, c] * along[r, c]
             k = 1
             while k * k < best:
-                for other in (c - k, c + k):
-                    if 0 <= other < width:
-                        same = silhouette[r, other] == silhouette[r, c]
-                        best = min(best, k * k + (along[r, other] ** 2 if same else 0))
+                if c >= k:
+                    there = along[r, c - k] if silhouette[r, c - k] == inside else 0
+                    best = min(best, k * k + there * there)
+                if c + k < width:
+                    there = along[r, c + k] if silhouette[r, c + k] == inside else 0
+                    best = min(best, k * k + there * there)
                 k += 1
-            distance[r, c] = np.sqrt(best)
-    return distance
+            distance = np.sqrt(best) - 0.5
+            distance = grace + (distance if inside else -distance)
+            signed[r, c] = max(-far, min(far, distance))
 
 
-def _distances(silhouettes: np.ndarray, far: float, pool: ThreadPoolExecutor) -> np.ndarray:
-    return np.stack(list(pool.map(lambda s: signed_distance(s, far), silhouettes)))
-
-
-def _cut(distances: np.ndarray) -> np.ndarray:
-    """Whether the frame cuts a view's silhouette: [views] bool."""
-    return np.array([(d[[0, -1]] > 0).any() or (d[:, [0, -1]] > 0).any() for d in distances])
+def _outlines(silhouettes: np.ndarray, cameras: Cameras, pool: ThreadPoolExecutor) -> _Outlines:
+    height, width = silhouettes.shape[1:]
+    far = REACH * max(height, width)
+    distances = np.stack(list(pool.map(lambda s: signed_distance(s, far), silhouettes)))
+    P = np.ascontiguousarray(cameras.projections.numpy())
+    corners = np.array([[0, 0], [0, height], [width, 0], [width, height]])
+    off = P[:, None, :2, :3] - corners[:, :, None] * P[:, None, 2:, :3]  # [views, 4, 2, 3]
+    across = np.sqrt((off**2).sum(axis=(2, 3))).max(axis=1)  # convex in the pixel
+    ahead = np.linalg.norm(P[:, 2, :3], axis=1)
+    return _Outlines(distances, is_cut(silhouettes), P, ahead, across, far)
 
 
 def _half_cell(cameras: Cameras, spacing: np.ndarray) -> float:
@@ -179,8 +212,7 @@ def _half_cell(cameras: Cameras, spacing: np.ndarray) -> float:
 
 
 def _sample(
-    distances: np.ndarray,
-    P: np.ndarray,
+    seen: _Outlines,
     low: np.ndarray,
     high: np.ndarray,
     resolution: int,
@@ -194,163 +226,200 @@ def _sample(
     """
     field = np.empty((resolution,) * 3, np.float32)
     spacing = (high - low) / (resolution - 1)
-    far, cut = distances.max(), _cut(distances)
-    starts = range(0, resolution, BLOCK)
 
     def fill(start: int) -> None:
         corner = low + spacing * [start, 0, 0]
-        slab = field[start : start + BLOCK]
-        _fill(slab, distances, cut, far, P, corner, spacing, tolerated, band)
+        _fill(field[start : start + BLOCKS[0]], seen, corner, spacing, tolerated, band)
 
-    list(pool.map(fill, starts))
+    list(pool.map(fill, range(0, resolution, BLOCKS[0])))
     return Hull(field, low, spacing)
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def _fill(field, distances, cut, far, P, low, spacing, tolerated, band):
+def _fill(field, seen, low, spacing, tolerated, band):
     """The least signed distance but ``tolerated`` over the views at every sample [x, y, z].
 
-    A sample that lies beyond a view's frame is outside, unless the frame cuts the silhouette: then
+    A sample that lies beyond a view's image is outside, unless the frame cuts the silhouette: then
     the view says nothing. A sample of which too few views say anything is outside.
     """
-    views = len(distances)
-    lower, upper = np.empty(views), np.empty(views)
-    low_bounds, high_bounds = np.empty(tolerated + 1), np.empty(tolerated + 1)
-    lows = np.empty((BLOCK**3, tolerated + 1))
-    n, corner = np.empty(3, np.int64), np.empty(3)
-    for i in range(0, field.shape[0], BLOCK):
-        for j in range(0, field.shape[1], BLOCK):
-            for k in range(0, field.shape[2], BLOCK):
-                block = field[i : i + BLOCK, j : j + BLOCK, k : k + BLOCK]
-                radius = 0.0
-                for axis, first in enumerate((i, j, k)):
-                    n[axis] = block.shape[axis]
-                    corner[axis] = low[axis] + first * spacing[axis]
-                    radius += (0.5 * (n[axis] - 1) * spacing[axis]) ** 2
-                middle = corner + 0.5 * (n - 1) * spacing
-                low_bounds[:], high_bounds[:] = np.inf, np.inf
-                for v in range(views):
-                    lower[v], upper[v] = _bounds(
-                        distances[v], cut[v], far, P[v], middle, np.sqrt(radius)
-                    )
-                    _keep_lowest(low_bounds, lower[v])
-                    _keep_lowest(high_bounds, upper[v])
-                    if high_bounds[tolerated] < -band:
-                        break
-                if high_bounds[tolerated] < -band:
-                    block[:] = high_bounds[tolerated]
-                    continue
-                if low_bounds[tolerated] > band:
-                    block[:] = min(low_bounds[tolerated], far)
-                    continue
-                lows[:] = np.inf
-                for v in range(views):
-                    if lower[v] <= high_bounds[tolerated]:
-                        _look_at_block(lows, distances[v], cut[v], far, P[v], corner, spacing, n)
-                _write_block(block, lows[:, tolerated], far)
+    views = len(seen.distances)
+    asked = np.empty((len(BLOCKS) + 1, views), np.int64)
+    asked[0] = np.arange(views)
+    lower = np.empty(views)
+    lows = np.empty((BLOCKS[-1] ** 3, tolerated + 1))
+    side = BLOCKS[0]
+    for i in range(0, field.shape[0], side):
+        for j in range(0, field.shape[1], side):
+            for k in range(0, field.shape[2], side):
+                _fill_block(field, i, j, k, 0, views, seen, low, spacing, band, asked, lower, lows)
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def _look_at_block(lows, image, cut, far, m, corner, spacing, n):
-    """Put a view's signed distances at a block's samples among the lowest of each sample."""
-    height, width = image.shape
-    nothing = np.inf if cut else -far
-    column_step, row_step, depth_step = (
-        m[0, 2] * spacing[2],
-        m[1, 2] * spacing[2],
-        m[2, 2] * spacing[2],
+def _fill_block(field, i, j, k, level, count, seen, low, spacing, band, asked, lower, lows):
+    """Fill the block from a sample on, from the first ``count`` views of ``asked[level]``.
+
+    Where these do not agree in all of it its parts are filled, each from those that may decide.
+    """
+    side = BLOCKS[level]
+    end_i, end_j, end_k = i + side, j + side, k + side
+    end_i, end_j = min(end_i, field.shape[0]), min(end_j, field.shape[1])
+    end_k = min(end_k, field.shape[2])
+    half_x, half_y, half_z = (
+        0.5 * (end_i - 1 - i) * spacing[0],
+        0.5 * (end_j - 1 - j) * spacing[1],
+        0.5 * (end_k - 1 - k) * spacing[2],
     )
+    x, y, z = (
+        low[0] + i * spacing[0] + half_x,
+        low[1] + j * spacing[1] + half_y,
+        low[2] + k * spacing[2] + half_z,
+    )
+    radius = np.sqrt(half_x**2 + half_y**2 + half_z**2)
+    least, most, ended = _bound(seen, asked[level, :count], x, y, z, radius, band, lower, lows)
+    if ended >= 0:  # the next block is shown to this view first
+        asked[level, 0], asked[level, ended] = asked[level, ended], asked[level, 0]
+        field[i:end_i, j:end_j, k:end_k] = most
+        return
+    if least > band:
+        field[i:end_i, j:end_j, k:end_k] = min(least, seen.far)
+        return
+    kept = 0
+    for at in range(count):
+        if lower[at] <= most:
+            asked[level + 1, kept] = asked[level, at]
+            kept += 1
+    if level + 1 == len(BLOCKS):
+        _fill_samples(field, i, j, k, asked[level + 1, :kept], seen, low, spacing, lows)
+        return
+    side = BLOCKS[level + 1]
+    for a in range(i, end_i, side):
+        for b in range(j, end_j, side):
+            for c in range(k, end_k, side):
+                _fill_block(
+                    field, a, b, c, level + 1, kept, seen, low, spacing, band, asked, lower, lows
+                )
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _fill_samples(field, i, j, k, views, seen, low, spacing, lows):
+    """Fill a smallest block sample by sample from these views."""
+    side, far, m, last = BLOCKS[-1], seen.far, seen.P, lows.shape[1] - 1
+    _, height, width = seen.distances.shape
+    lows[:] = np.inf
+    n, o, p = (
+        min(side, field.shape[0] - i),
+        min(side, field.shape[1] - j),
+        min(side, field.shape[2] - k),
+    )
+    for v in views:
+        nothing = np.inf if seen.cut[v] else -far
+        s = 0
+        for a in range(i, i + n):
+            x = low[0] + a * spacing[0]
+            for b in range(j, j + o):
+                y = low[1] + b * spacing[1]
+                column = m[v, 0, 0] * x + m[v, 0, 1] * y + m[v, 0, 3]
+                row = m[v, 1, 0] * x + m[v, 1, 1] * y + m[v, 1, 3]
+                depth = m[v, 2, 0] * x + m[v, 2, 1] * y + m[v, 2, 3]
+                for c in range(k, k + p):
+                    z = low[2] + c * spacing[2]
+                    near = 1 / (depth + m[v, 2, 2] * z)
+                    u = (column + m[v, 0, 2] * z) * near - 0.5
+                    w = (row + m[v, 1, 2] * z) * near - 0.5
+                    value = nothing
+                    if near > 0 and 0 <= u < width - 1 and 0 <= w < height - 1:
+                        value = _between(seen.distances, v, u, w)
+                    if value < lows[s, last]:
+                        _keep_lowest(lows, s, value)
+                    s += 1
     s = 0
-    for i in range(n[0]):
-        x = corner[0] + i * spacing[0]
-        for j in range(n[1]):
-            y = corner[1] + j * spacing[1]
-            column = m[0, 0] * x + m[0, 1] * y + m[0, 2] * corner[2] + m[0, 3]
-            row = m[1, 0] * x + m[1, 1] * y + m[1, 2] * corner[2] + m[1, 3]
-            depth = m[2, 0] * x + m[2, 1] * y + m[2, 2] * corner[2] + m[2, 3]
-            for k in range(n[2]):
-                near = 1 / (depth + k * depth_step)
-                u = (column + k * column_step) * near - 0.5
-                w = (row + k * row_step) * near - 0.5
-                value = nothing
-                if near > 0 and 0 <= u < width - 1 and 0 <= w < height - 1:
-                    value = _between(image, u, w)
-                if value < lows[s, -1]:
-                    _keep_lowest(lows[s], value)
+    for a in range(i, i + n):
+        for b in range(j, j + o):
+            for c in range(k, k + p):
+                field[a, b, c] = lows[s, last] if lows[s, last] < np.inf else -far
                 s += 1
 
 
-@njit(nogil=True, cache=True)
-def _write_block(block, values, far):
-    """Put a block's samples where they belong; that of which too few views spoke is outside."""
-    s = 0
-    for i in range(block.shape[0]):
-        for j in range(block.shape[1]):
-            for k in range(block.shape[2]):
-                block[i, j, k] = values[s] if values[s] < np.inf else -far
-                s += 1
+@njit(nogil=True, cache=True, error_model="numpy")
+def _look(seen, v, x, y, z):
+    """A view's signed distance at a point of the world."""
+    m = seen.P
+    near = 1 / (m[v, 2, 0] * x + m[v, 2, 1] * y + m[v, 2, 2] * z + m[v, 2, 3])
+    u = (m[v, 0, 0] * x + m[v, 0, 1] * y + m[v, 0, 2] * z + m[v, 0, 3]) * near - 0.5
+    w = (m[v, 1, 0] * x + m[v, 1, 1] * y + m[v, 1, 2] * z + m[v, 1, 3]) * near - 0.5
+    _, height, width = seen.distances.shape
+    if near > 0 and 0 <= u < width - 1 and 0 <= w < height - 1:
+        return _between(seen.distances, v, u, w)
+    return np.inf if seen.cut[v] else -seen.far
 
 
 @njit(nogil=True, cache=True)
-def _between(image, u, w):
+def _between(images, v, u, w):
     """An image between the centres of its pixels, which lie at whole numbers here."""
     c, r = int(u), int(w)
     u, w = u - c, w - r
-    above = image[r, c] * (1 - u) + image[r, c + 1] * u
-    below = image[r + 1, c] * (1 - u) + image[r + 1, c + 1] * u
+    above = images[v, r, c] * (1 - u) + images[v, r, c + 1] * u
+    below = images[v, r + 1, c] * (1 - u) + images[v, r + 1, c + 1] * u
     return above * (1 - w) + below * w
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def _bounds(image, cut, far, m, middle, radius):
-    """The least and the largest signed distance of a view in a ball of the world.
+def _bound(seen, asked, x, y, z, radius, band, lower, lows):
+    """Bound the field in a ball of the world, from the views ``asked``: least, most and which view
+    ended it, the first after which ``most`` lies below the band; -1 if none.
 
     A step s from X moves u = (m_0 X) / (m_2 X) by (m_0 - u m_2) s / (m_2 (X + s)).
+
+    Args:
+        lower: [views], to hold the least signed distance of each
+        lows: [2 or more, tolerated + 1], to work with
     """
-    height, width = image.shape
-    column, row, depth = m[0, 3], m[1, 3], m[2, 3]
-    for axis in range(3):
-        column += m[0, axis] * middle[axis]
-        row += m[1, axis] * middle[axis]
-        depth += m[2, axis] * middle[axis]
-    u, v = column / depth, row / depth
-    ahead = 0.0
-    steep = 0.0
-    for axis in range(3):
-        ahead += m[2, axis] ** 2
-        steep += (m[0, axis] - u * m[2, axis]) ** 2 + (m[1, axis] - v * m[2, axis]) ** 2
-    nearest = depth - radius * np.sqrt(ahead)
-    nothing = np.inf if cut else -far
-    if nearest <= 0:
-        return -far, max(far, nothing)
-    reach = radius * np.sqrt(steep) / nearest
-    inside = min(min(u - 0.5, width - 1.5 - u), min(v - 0.5, height - 1.5 - v))
-    if inside < -reach:
-        return nothing, nothing
-    if inside <= reach:
-        return -far, max(far, nothing)
-    here = _between(image, u - 0.5, v - 0.5)
-    return here - STEEP * reach, here + STEEP * reach
+    m, far, images = seen.P, seen.far, seen.distances
+    _, height, width = images.shape
+    lows[:2] = np.inf
+    last = lows.shape[1] - 1
+    for at in range(len(asked)):
+        v = asked[at]
+        depth = m[v, 2, 0] * x + m[v, 2, 1] * y + m[v, 2, 2] * z + m[v, 2, 3]
+        near = 1 / depth
+        u = (m[v, 0, 0] * x + m[v, 0, 1] * y + m[v, 0, 2] * z + m[v, 0, 3]) * near - 0.5
+        w = (m[v, 1, 0] * x + m[v, 1, 1] * y + m[v, 1, 2] * z + m[v, 1, 3]) * near - 0.5
+        nearest = depth - radius * seen.ahead[v]
+        nothing = np.inf if seen.cut[v] else -far
+        reach = radius * seen.across[v] / nearest
+        inside = min(min(u, width - 1 - u), min(w, height - 1 - w))
+        if nearest > 0 and inside < -reach:
+            least = most = nothing
+        elif nearest <= 0 or inside <= reach:
+            least, most = -far, max(far, nothing)
+        else:
+            here = _between(images, v, u, w)
+            least, most = here - STEEP * reach, here + STEEP * reach
+        lower[at] = least
+        if least < lows[0, last]:
+            _keep_lowest(lows, 0, least)
+        if most < lows[1, last]:
+            _keep_lowest(lows, 1, most)
+            if lows[1, last] < -band:
+                return lows[0, last], lows[1, last], at
+    return lows[0, last], lows[1, last], -1
 
 
 @njit(nogil=True, cache=True)
-def _keep_lowest(lows, value):
-    """Put a value among the lowest so far, in rising order, if it is one of them."""
-    for i in range(len(lows)):
-        if value < lows[i]:
-            lows[i], value = value, lows[i]
+def _keep_lowest(lows, row, value):
+    """Put a value among the lowest so far of a row, in rising order, if it is one of them."""
+    for i in range(lows.shape[1]):
+        if value < lows[row, i]:
+            lows[row, i], value = value, lows[row, i]
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def _votes_against(distances, cut, P, low, spacing, resolution):
+def _votes_against(seen, low, spacing, resolution):
     """Whether each view puts each sample of a cubic grid outside: [samples, views] bool."""
-    against = np.empty((resolution**3, len(distances)), np.bool_)
-    lows, one = np.empty((1, 1)), np.ones(3, np.int64)
+    against = np.empty((resolution**3, len(seen.distances)), np.bool_)
     for s in range(resolution**3):
         index = np.array([s // resolution**2, s // resolution % resolution, s % resolution])
-        corner = low + index * spacing
-        for v in range(len(distances)):
-            lows[0, 0] = np.inf
-            _look_at_block(lows, distances[v], cut[v], 1.0, P[v], corner, spacing, one)
-            against[s, v] = lows[0, 0] < 0
+        x, y, z = low + index * spacing
+        for v in range(len(seen.distances)):
+            against[s, v] = _look(seen, v, x, y, z) < 0
     return against

@@ -6,7 +6,8 @@ import torch
 import trimesh
 from scenes import dome, silhouettes, turntable
 
-from silmesh.shapes.ellipsoid import find_ellipsoid, is_cut
+from silmesh.hull import is_cut
+from silmesh.shapes.ellipsoid import find_ellipsoid
 
 SIZE = 128
 PIXEL = 2.732 * np.tan(np.radians(15)) * 2 / SIZE  # a pixel's size at the origin

@@ -13,6 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from silmesh.cameras.camera import OBJECT_RADIUS, Cameras
+from silmesh.hull import is_cut
 
 PRIOR = 0.02  # weight that holds a length which no view shows at the others' mean
 TOLERANCE = 0.1  # of a mean half-length: residuals far above are of silhouettes that disagree
@@ -33,12 +34,6 @@ class Ellipsoid:
     def lengths(self, axes: np.ndarray) -> np.ndarray:
         """How far it reaches from its centre along each of these unit vectors [3, n]."""
         return np.sqrt(np.einsum("in,ij,jn->n", axes, self.shape, axes))
-
-
-def is_cut(silhouettes: np.ndarray) -> np.ndarray:
-    """Whether the frame cuts each silhouette [views, height, width]: it may go on beyond it."""
-    rows, columns = silhouettes[:, [0, -1]], silhouettes[:, :, [0, -1]]
-    return rows.any(axis=(1, 2)) | columns.any(axis=(1, 2))
 
 
 def find_ellipsoid(silhouettes: np.ndarray, cameras: Cameras) -> Ellipsoid:

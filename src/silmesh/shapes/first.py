@@ -9,9 +9,9 @@ import trimesh
 
 from silmesh.cameras.camera import Cameras
 from silmesh.errors import InputError
+from silmesh.hull import is_cut
 from silmesh.shapes.carved import Carved, EmptyHull, hull_mesh, prism_mesh
 from silmesh.shapes.choose import VERTICES, Score, Trial, score_meshes
-from silmesh.shapes.ellipsoid import is_cut
 from silmesh.shapes.place import align_to_box, choose_count, choose_report_count, to_unit
 from silmesh.shapes.primitives import PRIMITIVES, placed_primitive, plain_primitive
 from silmesh.shapes.sphere import FEWEST, unit_sphere
