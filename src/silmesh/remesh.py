@@ -15,6 +15,7 @@ Ints = NDArray[np.integer]
 LONGEST, SHORTEST = 4 / 3, 4 / 5  # of the wished length: what is split, what is collapsed
 UPRIGHT = 0.5  # least cosine between a triangle's normal before and after a change
 FLAT = 0.8  # least cosine between the normals of two triangles whose edge is flipped
+TRIES = 4  # rounds in which edges that cannot be collapsed give way to others
 STEP = 0.5  # of the way to the mean of the neighbours, in the tangent plane
 
 
@@ -102,17 +103,27 @@ def collapse_short(
 
 
 def _collapse(verts: Floats, faces: Ints, edges: Ints, longest: float) -> tuple[Floats, Ints]:
-    """Where the vertices go, and onto which, when as many edges as do not meet are collapsed."""
-    while True:
+    """Where the vertices go, and onto which, when as many edges as do not meet are collapsed.
+
+    Those that would spoil a triangle give way to others a few times, and are then left out.
+    """
+    for tried in range(TRIES):
         chosen = _choose_apart(edges, faces, len(verts))
-        moved, onto = verts.copy(), np.arange(len(verts))
-        a, b = edges[chosen].T
-        moved[a] = moved[b] = (verts[a] + verts[b]) / 2
-        onto[b] = a
+        moved, onto = _pull(verts, edges[chosen])
         spoilt = _spoilt(verts, moved, faces, onto, longest)[edges[chosen]].any(axis=1)
-        if not spoilt.any():
-            return moved, onto
+        if not spoilt.any() or tried + 1 == TRIES:
+            break
         edges = np.delete(edges, chosen[spoilt], axis=0)
+    return _pull(verts, edges[chosen[~spoilt]])
+
+
+def _pull(verts: Floats, edges: Ints) -> tuple[Floats, Ints]:
+    """Both ends of these edges in their middles, and the first ends in place of the second."""
+    moved, onto = verts.copy(), np.arange(len(verts))
+    a, b = edges.T
+    moved[a] = moved[b] = (verts[a] + verts[b]) / 2
+    onto[b] = a
+    return moved, onto
 
 
 def _collapsible(edges: Ints, faces: Ints, count: int) -> NDArray[np.bool_]:

@@ -1,9 +1,12 @@
-"""``shape: auto``: every first mesh is fitted for a few steps in small images."""
+"""``shape: auto``: first meshes are fitted in small images, the better ones for longer."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
+import torch
 import trimesh
 
 from silmesh.cameras.camera import Cameras
@@ -11,19 +14,21 @@ from silmesh.shapes.looks import look_smaller
 
 SIZE, VIEWS = 64, 12  # of the looks in which meshes are tried
 VERTICES = 642  # of the meshes that are tried
-STEPS = 80  # of the fit; its loss is the mean of the last quarter, for single steps are noisy
+ROUNDS = ((20, 3), (60, 2), (200, 1))  # steps up to which meshes are fitted, how many then go on
+LATEST = 20  # steps whose median is a fit's loss: Adam's steps make single ones leap
 
-# Fits a mesh at unit size to silhouettes [views, height, width] bool for so many steps; gives the
-# loss before each step and after the last.
-Trial = Callable[[trimesh.Trimesh, Cameras, np.ndarray, int], Sequence[float]]
+# Fits a mesh at unit size to silhouettes [views, height, width] bool; gives the loss before each
+# step, for as long as it is asked, and ends where it cannot go on.
+Trial = Callable[[trimesh.Trimesh, Cameras, np.ndarray], Iterator[float]]
 
 
 @dataclass(frozen=True)
 class Score:
-    """How a first mesh did: the loss before the fit and at the end of its few steps."""
+    """How a first mesh did: the loss before the fit, and after so many steps."""
 
     before: float
     after: float
+    steps: int
 
 
 def score_meshes(
@@ -34,15 +39,38 @@ def score_meshes(
 ) -> dict[str, Score]:
     """Try each first mesh; the best come first.
 
+    After each round the better ones go on. Each is fitted by one thread.
+
     Args:
         meshes: at unit size
         silhouettes: [views, height, width] bool
         cameras: of these views, in the normalised world
-        trial: fits for a few steps
+        trial: fits a mesh
     """
     small, eyes = look_smaller(silhouettes, cameras, SIZE, VIEWS)
-    scores = {}
-    for name, mesh in meshes.items():
-        losses = trial(mesh, eyes, small, STEPS)
-        scores[name] = Score(losses[0], float(np.mean(losses[-(STEPS // 4) :])))
-    return dict(sorted(scores.items(), key=lambda item: item[1].after))
+    trials = {name: trial(mesh, eyes, small) for name, mesh in meshes.items()}
+    losses: dict[str, list[float]] = {name: [] for name in meshes}
+    scores: dict[str, Score] = {}
+    going = list(meshes)
+    threads = torch.get_num_threads()
+    with ThreadPoolExecutor(threads, initializer=torch.set_num_threads, initargs=(1,)) as pool:
+        for steps, kept in ROUNDS:
+
+            def go_on(name: str, to: int = steps) -> None:
+                losses[name] += islice(trials[name], to + 1 - len(losses[name]))
+
+            list(pool.map(go_on, going))
+            tried = {name: _score(losses[name], steps) for name in going}
+            going.sort(key=lambda name: tried[name].after)
+            scores = {name: tried[name] for name in going} | {
+                name: score for name, score in scores.items() if name not in tried
+            }
+            going = going[:kept]
+    return scores
+
+
+def _score(losses: list[float], steps: int) -> Score:
+    """The loss before and at the end; of a fit that ended before it there is none."""
+    if len(losses) <= steps:
+        return Score(losses[0] if losses else np.inf, np.inf, steps)
+    return Score(losses[0], float(np.median(losses[-LATEST:])), steps)

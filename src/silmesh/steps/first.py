@@ -2,7 +2,8 @@
 
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -11,10 +12,11 @@ import trimesh
 
 from silmesh.cameras.camera import Cameras
 from silmesh.files import replacing
-from silmesh.fitting.loop import run as run_fit
+from silmesh.fitting.loop import NotFinite
 from silmesh.fitting.softras import Settings, SoftRas
 from silmesh.meshes import to_tensors
 from silmesh.scene import SILHOUETTES, read_scene
+from silmesh.shapes.choose import ROUNDS
 from silmesh.shapes.first import SHAPES, Init, first_mesh
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import parser, run
@@ -43,14 +45,14 @@ def main(argv: Sequence[str] | None = None) -> None:
     vertices = None if given.vertices == "auto" else int(given.vertices)
     init = Init(given.shape, vertices, given.align, given.genus)
 
-    def trial(
-        mesh: trimesh.Trimesh, cameras: Cameras, silhouettes: np.ndarray, steps: int
-    ) -> list[float]:
+    def trial(mesh: trimesh.Trimesh, cameras: Cameras, silhouettes: np.ndarray) -> Iterator[float]:
         names = ("learning_rate", "betas", "sigma", "laplacian", "flatten")
-        settings = Settings(steps + 1, **{name: getattr(given, name) for name in names})
+        settings = Settings(ROUNDS[-1][0] + 1, **{name: getattr(given, name) for name in names})
         target = torch.tensor(silhouettes, dtype=torch.float32)
         fit = SoftRas(*to_tensors(mesh), cameras, target, settings)
-        return [record.loss for record in run_fit(fit)]
+        with suppress(NotFinite):
+            while not fit.done:
+                yield fit.step()[0]
 
     first = first_mesh(init, silhouettes, cameras, trial)
     for warning in first.told["warnings"]:
