@@ -34,7 +34,7 @@ SHAPES = {"sphere, not placed": ("sphere", "none"), "sphere": ("sphere", "bbox")
 }
 AT = (0, 50, 200, 1000)  # steps at which the loss is told
 SOFTRAS = Settings(max(AT) + 1, 0.01, (0.5, 0.99), 1e-4, 0.03, 0.0003)
-STEPS_OF_MEAN = 20
+LATEST = 20  # steps whose median is told: Adam's steps make single losses leap
 CELL = 220  # pixels of a picture in the figure
 
 
@@ -93,8 +93,8 @@ def measure_all(
 
 
 def smooth(losses: list[float], step: int) -> float:
-    """The mean of the last losses up to a step: single steps are noisy."""
-    return float(np.mean(losses[max(0, step - STEPS_OF_MEAN + 1) : step + 1]))
+    """The median of the last losses up to a step; that before the fit is its own."""
+    return float(np.median(losses[max(0, step - LATEST + 1) : step + 1] if step else losses[0]))
 
 
 def table(results: dict) -> str:

@@ -241,63 +241,70 @@ def _fill(field, seen, low, spacing, tolerated, band):
 
     A sample that lies beyond a view's image is outside, unless the frame cuts the silhouette: then
     the view says nothing. A sample of which too few views say anything is outside.
+
+    A block's parts are filled before the next block of its size, so that one list of views for each
+    size, those that may decide in the block at hand, is enough.
     """
-    views = len(seen.distances)
-    asked = np.empty((len(BLOCKS) + 1, views), np.int64)
+    views, deepest = len(seen.distances), len(BLOCKS) - 1
+    asked = np.empty((deepest + 2, views), np.int64)
     asked[0] = np.arange(views)
+    count = np.full(deepest + 2, views)
     lower = np.empty(views)
     lows = np.empty((BLOCKS[-1] ** 3, tolerated + 1))
-    side = BLOCKS[0]
-    for i in range(0, field.shape[0], side):
-        for j in range(0, field.shape[1], side):
-            for k in range(0, field.shape[2], side):
-                _fill_block(field, i, j, k, 0, views, seen, low, spacing, band, asked, lower, lows)
+    largest = 1
+    for samples in field.shape:
+        largest *= samples // BLOCKS[0] + 1
+    parts = len(BLOCKS) * (BLOCKS[0] // BLOCKS[-1]) ** 3
+    waiting = np.empty((largest + parts, 4), np.int64)
+    left = _push(waiting, 0, 0, 0, 0, 0, field.shape)
+    while left:
+        left -= 1
+        i, j, k, level = waiting[left]
+        end = _end(i, j, k, BLOCKS[level], field.shape)
+        half_x = 0.5 * (end[0] - 1 - i) * spacing[0]
+        half_y = 0.5 * (end[1] - 1 - j) * spacing[1]
+        half_z = 0.5 * (end[2] - 1 - k) * spacing[2]
+        x = low[0] + i * spacing[0] + half_x
+        y = low[1] + j * spacing[1] + half_y
+        z = low[2] + k * spacing[2] + half_z
+        radius = np.sqrt(half_x**2 + half_y**2 + half_z**2)
+        here = asked[level, : count[level]]
+        least, most, ended = _bound(seen, here, x, y, z, radius, band, lower, lows)
+        if ended >= 0:  # the next block is shown to this view first
+            here[0], here[ended] = here[ended], here[0]
+            field[i : end[0], j : end[1], k : end[2]] = most
+            continue
+        if least > band:
+            field[i : end[0], j : end[1], k : end[2]] = min(least, seen.far)
+            continue
+        kept = 0
+        for at in range(len(here)):
+            if lower[at] <= most:
+                asked[level + 1, kept] = here[at]
+                kept += 1
+        count[level + 1] = kept
+        if level == deepest:
+            _fill_samples(field, i, j, k, asked[level + 1, :kept], seen, low, spacing, lows)
+        else:
+            left = _push(waiting, left, i, j, k, level + 1, end)
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
-def _fill_block(field, i, j, k, level, count, seen, low, spacing, band, asked, lower, lows):
-    """Fill the block from a sample on, from the first ``count`` views of ``asked[level]``.
+@njit(nogil=True, cache=True)
+def _end(i, j, k, side, shape):
+    """The samples after a block's last."""
+    return min(i + side, shape[0]), min(j + side, shape[1]), min(k + side, shape[2])
 
-    Where these do not agree in all of it its parts are filled, each from those that may decide.
-    """
+
+@njit(nogil=True, cache=True)
+def _push(waiting, left, i, j, k, level, end):
+    """Let the blocks of a level between two samples wait, and say how many do."""
     side = BLOCKS[level]
-    end_i, end_j, end_k = i + side, j + side, k + side
-    end_i, end_j = min(end_i, field.shape[0]), min(end_j, field.shape[1])
-    end_k = min(end_k, field.shape[2])
-    half_x, half_y, half_z = (
-        0.5 * (end_i - 1 - i) * spacing[0],
-        0.5 * (end_j - 1 - j) * spacing[1],
-        0.5 * (end_k - 1 - k) * spacing[2],
-    )
-    x, y, z = (
-        low[0] + i * spacing[0] + half_x,
-        low[1] + j * spacing[1] + half_y,
-        low[2] + k * spacing[2] + half_z,
-    )
-    radius = np.sqrt(half_x**2 + half_y**2 + half_z**2)
-    least, most, ended = _bound(seen, asked[level, :count], x, y, z, radius, band, lower, lows)
-    if ended >= 0:  # the next block is shown to this view first
-        asked[level, 0], asked[level, ended] = asked[level, ended], asked[level, 0]
-        field[i:end_i, j:end_j, k:end_k] = most
-        return
-    if least > band:
-        field[i:end_i, j:end_j, k:end_k] = min(least, seen.far)
-        return
-    kept = 0
-    for at in range(count):
-        if lower[at] <= most:
-            asked[level + 1, kept] = asked[level, at]
-            kept += 1
-    if level + 1 == len(BLOCKS):
-        _fill_samples(field, i, j, k, asked[level + 1, :kept], seen, low, spacing, lows)
-        return
-    side = BLOCKS[level + 1]
-    for a in range(i, end_i, side):
-        for b in range(j, end_j, side):
-            for c in range(k, end_k, side):
-                _fill_block(
-                    field, a, b, c, level + 1, kept, seen, low, spacing, band, asked, lower, lows
-                )
+    for a in range(i, end[0], side):
+        for b in range(j, end[1], side):
+            for c in range(k, end[2], side):
+                waiting[left] = a, b, c, level
+                left += 1
+    return left
 
 
 @njit(nogil=True, cache=True, error_model="numpy")

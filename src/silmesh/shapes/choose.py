@@ -1,6 +1,6 @@
 """``shape: auto``: first meshes are fitted in small images, the better ones for longer."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import islice
@@ -31,6 +31,13 @@ class Score:
     steps: int
 
 
+def share(work: Callable[[str], None], names: Iterable[str]) -> None:
+    """Do the work for each name, as many at a time as torch has threads, each by one thread."""
+    threads = torch.get_num_threads()
+    with ThreadPoolExecutor(threads, initializer=torch.set_num_threads, initargs=(1,)) as pool:
+        list(pool.map(work, names))
+
+
 def score_meshes(
     meshes: Mapping[str, trimesh.Trimesh],
     silhouettes: np.ndarray,
@@ -52,20 +59,17 @@ def score_meshes(
     losses: dict[str, list[float]] = {name: [] for name in meshes}
     scores: dict[str, Score] = {}
     going = list(meshes)
-    threads = torch.get_num_threads()
-    with ThreadPoolExecutor(threads, initializer=torch.set_num_threads, initargs=(1,)) as pool:
-        for steps, kept in ROUNDS:
+    for steps, kept in ROUNDS:
 
-            def go_on(name: str, to: int = steps) -> None:
-                losses[name] += islice(trials[name], to + 1 - len(losses[name]))
+        def go_on(name: str, to: int = steps) -> None:
+            losses[name] += islice(trials[name], to + 1 - len(losses[name]))
 
-            list(pool.map(go_on, going))
-            tried = {name: _score(losses[name], steps) for name in going}
-            going.sort(key=lambda name: tried[name].after)
-            scores = {name: tried[name] for name in going} | {
-                name: score for name, score in scores.items() if name not in tried
-            }
-            going = going[:kept]
+        share(go_on, going)
+        tried = {name: _score(losses[name], steps) for name in going}
+        going.sort(key=lambda name: tried[name].after)
+        before = {name: score for name, score in scores.items() if name not in tried}
+        scores = {name: tried[name] for name in going} | before
+        going = going[:kept]
     return scores
 
 

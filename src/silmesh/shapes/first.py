@@ -11,7 +11,7 @@ from silmesh.cameras.camera import Cameras
 from silmesh.errors import InputError
 from silmesh.hull import is_cut
 from silmesh.shapes.carved import Carved, EmptyHull, hull_mesh, prism_mesh
-from silmesh.shapes.choose import VERTICES, Score, Trial, score_meshes
+from silmesh.shapes.choose import VERTICES, Score, Trial, score_meshes, share
 from silmesh.shapes.place import align_to_box, choose_count, choose_report_count, to_unit
 from silmesh.shapes.primitives import PRIMITIVES, placed_primitive, plain_primitive
 from silmesh.shapes.sphere import FEWEST, unit_sphere
@@ -128,12 +128,16 @@ def _score(
     if trial is None:
         raise ValueError("auto needs a trial")
     meshes, warnings = {}, []
-    for shape in PLACED:
+
+    def make(shape: str) -> None:
         try:
             small = replace(init, shape=shape, vertices=VERTICES)
             meshes[shape], _ = _make(small, silhouettes, cameras)
         except EmptyHull as error:
             warnings.append(str(error))
+
+    share(make, PLACED)
+    meshes = {shape: meshes[shape] for shape in PLACED if shape in meshes}
     return score_meshes(meshes, silhouettes, cameras, trial), warnings
 
 
