@@ -1,11 +1,14 @@
+from itertools import repeat
+
 import numpy as np
 import pytest
+import trimesh
 from scenes import silhouettes, turntable
 
 from silmesh.errors import InputError
-from silmesh.shapes.choose import STEPS, VIEWS
+from silmesh.shapes.choose import LATEST, ROUNDS, VIEWS, score_meshes
 from silmesh.shapes.first import PLACED, SHAPES, Init, first_mesh
-from silmesh.shapes.looks import look_smaller, mean_iou, render
+from silmesh.shapes.looks import crop, look_smaller, mean_iou, render
 
 SIZE = 96
 AXES, CENTRE = (0.2, 0.35, 0.15), (0.1, -0.05, 0.05)
@@ -64,12 +67,50 @@ def test_an_object_cut_by_the_frame_is_told(scene):
     assert cut[0].startswith("the frame cuts the object in v")
 
 
-def overlap(mesh, cameras, seen, steps):
+def overlap(mesh, cameras, seen):
     """A trial that moves nothing: the loss before and after is what the silhouettes lack."""
     world = mesh.copy()
     world.apply_scale(0.5)
-    loss = 1 - mean_iou(render(world, cameras, seen.shape[1:]), seen)
-    return [loss] * (steps + 1)
+    return repeat(1 - mean_iou(render(world, cameras, seen.shape[1:]), seen))
+
+
+def scores_of(scene, losses):
+    """What becomes of trials with these losses, from the loss before the first step on."""
+    meshes = {name: trimesh.Trimesh(metadata={"name": name}) for name in losses}
+    return score_meshes(meshes, *scene, lambda mesh, *_: iter(losses[mesh.metadata["name"]]))
+
+
+def test_the_better_go_on_and_the_first_at_the_end_is_the_best(scene):
+    """By hand: falling losses whose order turns over from round to round."""
+    (first, three), (second, two), (last, _) = ROUNDS
+    assert (three, two) == (3, 2)
+    steps = np.arange(last + 1)
+    losses = {
+        "quick": np.where(steps < second, 0.1, 0.3),
+        "slow": np.where(steps <= second, 0.2, 0.1),
+        "third": np.full(last + 1, 0.25),
+        "late": np.where(steps <= first, 0.5, 0.0),  # too late
+    }
+    scores = scores_of(scene, losses)
+    assert list(scores) == ["slow", "quick", "third", "late"]
+    assert [score.steps for score in scores.values()] == [last, last, second, first]
+    assert scores["slow"].before == 0.2
+    assert scores["slow"].after == 0.1
+
+
+def test_a_single_leap_of_the_loss_counts_for_nothing(scene):
+    last = ROUNDS[-1][0]
+    calm, leaping = np.full(last + 1, 0.02), np.full(last + 1, 0.01)
+    leaping[-LATEST // 2 :: 3] = 0.5
+    scores = scores_of(scene, {"calm": calm, "leaping": leaping})
+    assert next(iter(scores)) == "leaping"
+
+
+def test_a_trial_that_ends_early_comes_last(scene):
+    scores = scores_of(scene, {"broken": [0.01] * 5, "sound": [0.9] * (ROUNDS[-1][0] + 1)})
+    assert list(scores) == ["sound", "broken"]
+    assert scores["broken"].before == 0.01
+    assert scores["broken"].after == np.inf
 
 
 def test_auto_takes_what_does_best(scene):
@@ -77,12 +118,12 @@ def test_auto_takes_what_does_best(scene):
     scores = first.told["scores"]
     assert set(scores) == set(PLACED)
     assert first.told["shape"] == next(iter(scores)) in ("ellipsoid", "hull")
-    after = [score["after"] for score in scores.values()]
-    assert after == sorted(after)
+    rounds = [(-score["steps"], score["after"]) for score in scores.values()]
+    assert rounds == sorted(rounds)
     assert len(first.mesh.vertices) == 300
     small, eyes = look_smaller(*scene, 64, VIEWS)
     plain = first_mesh(Init("cube", 642), *scene).mesh
-    assert scores["cube"]["before"] == pytest.approx(overlap(plain, eyes, small, STEPS)[0])
+    assert scores["cube"]["before"] == pytest.approx(next(overlap(plain, eyes, small)))
 
 
 def test_auto_passes_over_an_empty_hull():
@@ -103,3 +144,21 @@ def test_small_looks_are_of_the_same_world(scene):
     assert mean_iou(small, plain) > 0.95
     same, _ = look_smaller(seen, cameras, 200, 100)
     np.testing.assert_array_equal(same, seen)
+
+
+def test_an_object_that_the_photographs_frame_cuts_is_not_cut_off_there():
+    """Of padded photographs: beyond their box nothing is known, though the image goes on."""
+    cameras = turntable(8, SIZE)
+    tall = [0.15, 0.35, 0.15]
+    seen = silhouettes(cameras, tall)
+    rows = np.flatnonzero(seen.any(axis=(0, 2)))
+    frame = (0, int(rows[0]) + 8, SIZE, SIZE)  # the top of the object is not in the photographs
+    padded = seen.copy()
+    padded[:, : frame[1]] = False
+    high = []
+    for given in ((padded, cameras), crop(padded, cameras, frame)):
+        first = first_mesh(Init("hull", 200), *given)
+        high.append(first.mesh.vertices[:, 1].max() / 2)
+        warned = any("the frame cuts the object" in w for w in first.told["warnings"])
+        assert warned == (given[1] is not cameras)
+    assert high[0] < 0.3 < 0.34 < high[1]

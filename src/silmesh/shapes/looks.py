@@ -3,13 +3,11 @@
 import numpy as np
 import torch
 import trimesh
-from torch import Tensor
 
 from silmesh.cameras.camera import Cameras
 from silmesh.softras import soft_silhouettes
 
 SHARP = 1e-5  # sigma of a rendering that is thresholded
-SOFT = 1e-4  # sigma of one that is fitted
 
 
 def look_smaller(
@@ -35,32 +33,28 @@ def look_smaller(
     return (small > 0.5).numpy(), chosen
 
 
-def to_tensors(mesh: trimesh.Trimesh) -> tuple[Tensor, Tensor]:
-    """Vertices [verts, 3] float32 and faces [faces, 3] int64."""
-    return (
-        torch.tensor(np.asarray(mesh.vertices), dtype=torch.float32),
-        torch.tensor(np.asarray(mesh.faces), dtype=torch.int64),
-    )
-
-
-def soft_iou(verts: Tensor, faces: Tensor, cameras: Cameras, silhouettes: Tensor) -> Tensor:
-    """IoU of a mesh's soft silhouettes with the given ones, averaged over the views.
+def crop(
+    silhouettes: np.ndarray, cameras: Cameras, frame: tuple[int, int, int, int]
+) -> tuple[np.ndarray, Cameras]:
+    """What the photographs show: an object that their frame cuts may go on beyond it.
 
     Args:
-        verts, faces: [verts, 3] and [faces, 3]
-        cameras: of the views
-        silhouettes: [views, height, width] float32, 0 or 1
+        silhouettes: [views, height, width] bool
+        cameras: of these views
+        frame: left, top, right and bottom of the photographs in these images, in pixels
     """
-    size = tuple(silhouettes.shape[1:])
-    alpha = soft_silhouettes(cameras.project(verts), faces, size, SOFT)
-    both = (alpha * silhouettes).sum((1, 2))
-    either = alpha.sum((1, 2)) + silhouettes.sum((1, 2)) - both
-    return (both / either.clamp(min=1)).mean()
+    left, top, right, bottom = frame
+    shift = torch.eye(3, dtype=torch.float64)
+    shift[:2, 2] = -torch.tensor([left, top], dtype=torch.float64)
+    sizes = torch.tensor([[right - left, bottom - top]]).expand(len(cameras), 2)
+    shown = cameras.in_pixels_of(shift.expand(len(cameras), 3, 3), sizes)
+    return silhouettes[:, top:bottom, left:right], shown
 
 
 def render(mesh: trimesh.Trimesh, cameras: Cameras, size: tuple[int, int]) -> np.ndarray:
     """A mesh's silhouettes: [views, height, width] bool."""
-    verts, faces = to_tensors(mesh)
+    verts = torch.tensor(np.asarray(mesh.vertices), dtype=torch.float32)
+    faces = torch.tensor(np.asarray(mesh.faces), dtype=torch.int64)
     with torch.no_grad():
         return (soft_silhouettes(cameras.project(verts), faces, size, SHARP) > 0.5).numpy()
 

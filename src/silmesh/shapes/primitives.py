@@ -7,23 +7,18 @@ well: x^p + y^p + z^p = 1 is a cube for a large p, (x^2 + z^2)^(p/2) + y^p = 1 a
 from collections.abc import Callable, Iterable
 
 import numpy as np
-import torch
 import trimesh
-from scipy.optimize import minimize
 
 from silmesh.cameras.camera import Cameras
 from silmesh.shapes.ellipsoid import Ellipsoid, find_ellipsoid
 from silmesh.shapes.even import even_mesh
-from silmesh.shapes.looks import look_smaller, soft_iou, to_tensors
+from silmesh.shapes.looks import look_smaller, mean_iou, render
 from silmesh.shapes.sphere import unit_sphere
 
 ROUNDING = 8  # the power p
-STEPS = 25  # of the search for the lengths and the centre that fill the silhouettes best
-REACH = np.log(2)  # that a length or the centre may go away from the ellipsoid's, in that search
-FINER = 2  # times as many vertices as are wanted, before these are spread evenly
-SIZE, VIEWS, VERTICES = 48, 12, 250  # of the looks in which placements are tried, so small that
-# torch shares none of their work among threads: that would cost more than it
-SEARCHED = 3  # of the directions, those that fill the silhouettes best at the ellipsoid's lengths
+ROUNDS = 3  # of making the placed shape's silhouettes have the given ones' moments
+FINER = 4  # times as many vertices as are wanted, before these are spread evenly
+SIZE, VIEWS, VERTICES = 96, 18, 400  # of the looks in which placements are tried
 TURNS = 6  # placements of a cube about the upright axis
 
 
@@ -65,8 +60,8 @@ def placed_primitive(
 ) -> trimesh.Trimesh:
     """A primitive where the silhouettes are: closed, oriented outwards, with even triangles.
 
-    Its axes are those of the ellipsoid that has the silhouettes' moments, or upright; of several
-    such directions, and of all lengths and centres, those are taken that fill the silhouettes best.
+    Of several directions of its axes the one is taken whose silhouettes overlap the given ones
+    most; centre and lengths are such that they have the same moments.
 
     Args:
         silhouettes: [views, height, width] bool
@@ -75,11 +70,8 @@ def placed_primitive(
     target = find_ellipsoid(silhouettes, cameras)
     seen, eyes = look_smaller(silhouettes, cameras, SIZE, VIEWS)
     unit = unit_primitive(shape, VERTICES)
-    tried = [
-        _Placement(unit, axes, target, seen, eyes) for axes in _directions(shape, target, cameras)
-    ]
-    tried = sorted(tried, key=lambda placement: placement.missing(np.zeros(6))[0])[:SEARCHED]
-    to_world = min((placement.search() for placement in tried), key=lambda found: found[0])[1]
+    tried = [_place(unit, axes, target, seen, eyes) for axes in _directions(shape, target, cameras)]
+    to_world = max(tried, key=lambda placed: placed[0])[1]
     fine = unit_primitive(shape, FINER * vertices)
     fine.apply_transform(to_world)
     return even_mesh(fine, vertices)
@@ -110,54 +102,29 @@ def _directions(shape: str, target: Ellipsoid, cameras: Cameras) -> Iterable[np.
         yield np.stack([x, up, np.cross(x, up)], axis=1)
 
 
-class _Placement:
-    """A unit shape along some axes, its lengths and centre to be found; at first an ellipsoid's.
+def _place(
+    unit: trimesh.Trimesh,
+    axes: np.ndarray,
+    target: Ellipsoid,
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+) -> tuple[float, np.ndarray]:
+    """IoU with the silhouettes, and the matrix [4, 4] that stretches, turns and moves it there."""
+    size = silhouettes.shape[1:]
+    to_world = _matrix(axes, target.lengths(axes), target.centre)
+    rendered = render(unit.copy().apply_transform(to_world), cameras, size)
+    for _ in range(ROUNDS):
+        if not rendered.any():
+            break
+        found = find_ellipsoid(rendered, cameras)
+        lengths = np.linalg.norm(to_world[:3, :3], axis=0)
+        lengths *= target.lengths(axes) / found.lengths(axes)
+        to_world = _matrix(axes, lengths, to_world[:3, 3] + target.centre - found.centre)
+        rendered = render(unit.copy().apply_transform(to_world), cameras, size)
+    return mean_iou(rendered, silhouettes), to_world
 
-    Args:
-        unit: the shape
-        axes: [3, 3], in columns
-        target: the ellipsoid
-        silhouettes, cameras: that it should fill
-    """
 
-    def __init__(
-        self,
-        unit: trimesh.Trimesh,
-        axes: np.ndarray,
-        target: Ellipsoid,
-        silhouettes: np.ndarray,
-        cameras: Cameras,
-    ):
-        self._axes, self._centre, self._lengths = axes, target.centre, target.lengths(axes)
-        self._verts, self._faces = to_tensors(unit)
-        self._cameras, self._silhouettes = cameras, torch.tensor(silhouettes).float()
-
-    def missing(self, moves: np.ndarray) -> tuple[float, np.ndarray]:
-        """What is missing of the soft IoU, and its gradient.
-
-        Args:
-            moves: [6], logarithms of how much longer, and how far aside in mean lengths
-        """
-        x = torch.tensor(moves, dtype=torch.float32, requires_grad=True)
-        axes, lengths, centre = (
-            torch.tensor(v).float() for v in (self._axes, self._lengths, self._centre)
-        )
-        verts = self._verts * (lengths * x[:3].exp()) @ axes.T + centre + x[3:] * lengths.mean()
-        loss = 1 - soft_iou(verts, self._faces, self._cameras, self._silhouettes)
-        loss.backward()
-        return loss.item(), x.grad.double().numpy()
-
-    def search(self) -> tuple[float, np.ndarray]:
-        """The least that is missing, and the matrix [4, 4] that brings the shape there."""
-        found = minimize(
-            self.missing,
-            np.zeros(6),
-            jac=True,
-            method="L-BFGS-B",
-            bounds=[(-REACH, REACH)] * 6,
-            options={"maxiter": STEPS},
-        )
-        matrix = np.eye(4)
-        matrix[:3, :3] = self._axes * (self._lengths * np.exp(found.x[:3]))
-        matrix[:3, 3] = self._centre + found.x[3:] * self._lengths.mean()
-        return found.fun, matrix
+def _matrix(axes: np.ndarray, lengths: np.ndarray, centre: np.ndarray) -> np.ndarray:
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = axes * lengths, centre
+    return matrix

@@ -18,6 +18,7 @@ from silmesh.meshes import to_tensors
 from silmesh.scene import SILHOUETTES, read_scene
 from silmesh.shapes.choose import ROUNDS
 from silmesh.shapes.first import SHAPES, Init, first_mesh
+from silmesh.shapes.looks import crop
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import parser, run
 
@@ -40,8 +41,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--report", type=Path, required=True, help="init.json to write")
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)
-    cameras, _, _ = read_scene(given.scene)
+    cameras, _, scene = read_scene(given.scene)
     silhouettes = read_silhouettes(given.scene / SILHOUETTES, cameras.views)
+    if given.shape != "sphere":  # the report's, which is placed in the whole image
+        silhouettes, cameras = crop(silhouettes, cameras, scene["frame"])
     vertices = None if given.vertices == "auto" else int(given.vertices)
     init = Init(given.shape, vertices, given.align, given.genus)
 

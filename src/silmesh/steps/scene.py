@@ -14,6 +14,7 @@ from silmesh.hull import find_doubtful
 from silmesh.scene import SILHOUETTES, VIEWS, write_scene
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import parser, run
+from silmesh.views import read_views
 
 COHERENT = 0.9  # below this hull IoU the views that lower it most are named
 DOUBTFUL = 0.5  # below this hull IoU a person is told before the fit, not only on the page
@@ -43,6 +44,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         "doubtful": doubtful,
         "warnings": list(attempt.warnings),
         "figures": dict(attempt.figures),
+        "frame": _frame(best, given.views),
         "attempts": [
             {"source": a.source, "came_to": refused_or(a, p), "warnings": list(a.warnings)}
             for a, p in zip(attempts, placed, strict=True)
@@ -79,6 +81,22 @@ def _place(folder: Path, given: Namespace) -> tuple[Attempt, Placed | None]:
             return attempt, place(attempt.cameras, seen, given.keep_world)
     except InputError as error:
         return replace(attempt, refusal=str(error)), None
+
+
+def _frame(best: Placed, views: Path) -> list[int]:
+    """The box that holds all photographs in their images: left, top, right and bottom.
+
+    An undistorted photograph has no straight border, and is taken to fill its image.
+    """
+    boxes = [
+        (0, 0, view.size, view.size)
+        if view.view in best.straightened.sources
+        else (view.left, view.top, view.right, view.bottom)
+        for view in read_views(views)
+        if view.view in best.cameras.views
+    ]
+    left, top, right, bottom = zip(*boxes, strict=True)
+    return [min(left), min(top), max(right), max(bottom)]
 
 
 def _name_doubtful(best: Placed, silhouettes: Path) -> list[str]:
