@@ -159,6 +159,11 @@ def test_the_scene_is_normalised_and_coherent(results):
     assert scene["hull_iou_mean"] > 0.93
 
 
+def test_the_scene_says_where_the_photographs_lie_in_their_images(results):
+    told = json.loads((results / "scene" / "scene.json").read_text())
+    assert told["frame"] == [0, 4, SIZE, 28]  # 64x48 in 32x32
+
+
 def test_the_first_mesh_is_the_unit_sphere(results):
     mesh = trimesh.load_mesh(results / "first.ply", process=False)
     assert len(mesh.vertices) == 162
