@@ -237,7 +237,8 @@ def _follow(
 ):  # fmt: skip
     """Fill the rows ``part`` of the last three arrays, see ``Misses``.
 
-    First at even depths, then nearer and nearer to the best of them.
+    First at even depths, from the middle outwards: a good one that is met early rules out the
+    others sooner. Then nearer and nearer to the best of them.
     """
     for v in part:
         for s in range(rays.shape[1]):
@@ -249,7 +250,8 @@ def _follow(
                 if best == 0:
                     break
                 if k < DEPTHS:
-                    offset = step * (k + 0.5) - radius
+                    aside = k // 2 if k % 2 == 0 else -(k + 1) // 2
+                    offset = step * (aside + 0.5)
                 elif (k - DEPTHS) % 2 == 0:
                     step, base = step / 2, best_depth
                     offset = base - step
