@@ -55,6 +55,7 @@ onstart:
         sys.exit(
             f"silmesh: another run is at work in {Path.cwd()}; wait for its end"
         )
+    write_report_plan()
 
 
 # What a step said is the last to be read, not the long command of it.

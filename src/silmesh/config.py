@@ -367,6 +367,9 @@ class Variant(_Section):
     deeplab: DeepLabOverride = Field(DeepLabOverride(), description="overrides the run's deeplab")
     matting: MattingOverride = Field(MattingOverride(), description="overrides the run's matting")
     quality: QualityOverride = Field(QualityOverride(), description="overrides the run's quality")
+    published: Name | None = Field(
+        None, description="the published curve's variant, where it is not this one's name"
+    )
     init: Init = Field(Init(), description="the first mesh")
     fit: Fit = Field(FastFit(), description="the fit")
 
@@ -384,6 +387,9 @@ class Config(_Section):
     train: Train | None = Field(None, description="training of DeepLabv3: `bin/run train`")
     matting: Matting = Field(Matting(), description="silhouettes by a foreground model")
     quality: Quality = Field(Quality(), description="what is done with doubtful silhouettes")
+    published: Annotated[Path, "the path of a table"] | None = Field(
+        None, description="loss curves to draw beside ours: object,variant,iteration,loss"
+    )
     variants: Annotated[
         dict[Name, Variant], Field(min_length=1), "names, each with its settings"
     ] = Field(

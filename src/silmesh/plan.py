@@ -73,6 +73,7 @@ class Run:
     deeplab: DeepLab
     matting: Matting
     quality: Quality
+    published: str  # the variant whose published curve it repeats, if there is one
 
     @property
     def views_key(self) -> str:
@@ -233,6 +234,7 @@ class Plan:
 
     def __init__(self, values: Mapping[str, Any], where: str):
         self.config = parse_config(values, where)
+        _refuse_lacking_curves(self.config, where)
         datasets = read_datasets(self.config.datasets)
         self.runs = [run for dataset in datasets for run in _runs_of(dataset, self.config, where)]
         self.trained_on = _to_train_on(datasets, self.config, where)
@@ -289,6 +291,15 @@ def _to_train_on(datasets: list[Dataset], config: Config, where: str) -> list[Da
         raise InputError(f"{where}: train.holdout: leaves no object with masks to train on")
     _refuse_lacking(f"{where}: train.weights", config.train.weights, promised=False)
     return masked
+
+
+def _refuse_lacking_curves(config: Config, where: str) -> None:
+    """Refuse a table of published curves that is not there."""
+    if config.published and not config.published.is_file():
+        raise InputError(
+            f"{where}: published: {config.published}: is not there; should be a table with the "
+            "columns object,variant,iteration,loss"
+        )
 
 
 def _refuse_lacking(key: str, weights: str, promised: bool) -> None:
@@ -375,4 +386,5 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
         deeplab,
         matting,
         quality,
+        variant.published or name,
     )

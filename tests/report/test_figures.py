@@ -6,8 +6,16 @@ import xml.etree.ElementTree as ET
 import numpy as np
 import pandas as pd
 import pytest
+from PIL import Image
 
-from silmesh.report.figures import COLOURS, draw_losses, spread, style_of, write_figure
+from silmesh.report.figures import (
+    COLOURS,
+    break_name,
+    draw_figure,
+    spread,
+    style_of,
+    write_figure,
+)
 
 SVG = "{http://www.w3.org/2000/svg}"
 ORDER = ["coarse", "fine_2", "$other$"]
@@ -22,13 +30,23 @@ def losses():
     }
 
 
+def draw(object_, losses, order, published=None):
+    """The figure with red squares for photographs and blue ones for meshes."""
+    columns = [[Image.new("RGB", (20, 20), c)] * 2 for c in ["red", *["blue"] * len(losses)]]
+    return draw_figure(object_, losses, order, columns, published or {})
+
+
+def curves_of(figure):
+    return figure.subfigs[0].axes[0]
+
+
 def save(path, figure):
     write_figure(path, figure)
     return path.read_bytes()
 
 
 def test_names_every_variant_the_object_and_the_axes_as_text(tmp_path, losses):
-    svg = ET.fromstring(save(tmp_path / "a.svg", draw_losses("pot_1", losses, ORDER)))
+    svg = ET.fromstring(save(tmp_path / "a.svg", draw("pot_1", losses, ORDER)))
     texts = ["".join(text.itertext()).strip() for text in svg.iter(f"{SVG}text")]
     ends = f"fine_2  {losses['fine_2']['loss'].iloc[-1]:.4f}", "$other$  0.5000"
     for wanted in ("pot_1", "iteration", "loss (IoU loss and weighted smoothness)", *ends):
@@ -38,17 +56,18 @@ def test_names_every_variant_the_object_and_the_axes_as_text(tmp_path, losses):
 @pytest.mark.parametrize("name", ["a", "initialised_high_poly_with_a_long-name"])
 def test_labels_end_within_the_figure(name):
     losses = {name: pd.DataFrame({"iteration": [0, 1], "loss": [0.5, 0.4]})}
-    figure = draw_losses("pot", losses, [name])
-    box = figure.get_tightbbox()  # in inches
-    width, height = figure.get_size_inches()
+    figure = draw("pot", losses, [name])
+    part = figure.subfigs[0]
+    box = part.get_tightbbox(figure.canvas.get_renderer())
+    width, height = part.bbox.size
     assert 0 <= box.x0 < box.x1 <= width
     assert box.x1 > 0.95 * width
     assert 0 <= box.y0 < box.y1 <= height
 
 
 def test_linear_axes_hold_all_of_the_data(losses):
-    figure = draw_losses("pot", losses, ORDER)
-    (axes,) = figure.axes
+    figure = draw("pot", losses, ORDER)
+    axes = curves_of(figure)
     assert (axes.get_xscale(), axes.get_yscale()) == ("linear", "linear")
     assert axes.get_xlim() == pytest.approx((0, 199))
     low, high = axes.get_ylim()
@@ -57,7 +76,7 @@ def test_linear_axes_hold_all_of_the_data(losses):
 
 
 def test_the_line_runs_through_the_data_in_the_svg(tmp_path, losses):
-    svg = ET.fromstring(save(tmp_path / "a.svg", draw_losses("pot", losses, ORDER)))
+    svg = ET.fromstring(save(tmp_path / "a.svg", draw("pot", losses, ORDER)))
     paths = [p for p in svg.iter(f"{SVG}path") if COLOURS[1] in p.get("style", "")]
     line = max(paths, key=lambda p: len(p.get("d")))
     points = np.array(re.findall(r"[ML] ([\d.]+) ([\d.]+)", line.get("d")), float)
@@ -70,9 +89,7 @@ def test_the_line_runs_through_the_data_in_the_svg(tmp_path, losses):
 
 @pytest.mark.parametrize("ending", ["svg", "png"])
 def test_the_same_bytes_each_time(tmp_path, losses, ending):
-    first, second = (
-        save(tmp_path / f"{i}.{ending}", draw_losses("pot", losses, ORDER)) for i in range(2)
-    )
+    first, second = (save(tmp_path / f"{i}.{ending}", draw("pot", losses, ORDER)) for i in range(2))
     assert first == second
     assert first.startswith(b"<?xml" if ending == "svg" else b"\x89PNG")
 
@@ -98,3 +115,39 @@ def test_a_variant_keeps_its_style_and_nine_differ():
 )
 def test_labels_move_apart_about_where_they_belong(wanted, expected):
     np.testing.assert_allclose(spread(wanted, 0.1), expected)
+
+
+def test_published_values_are_dots_up_to_where_ours_end(losses):
+    published = pd.DataFrame({"iteration": [0, 100, 300], "loss": [0.9, 0.4, 0.2]})
+    axes = curves_of(draw("pot", losses, ORDER, {"fine_2": published}))
+    (dots,) = (
+        line for line in axes.lines if line.get_marker() == "o" and len(line.get_xdata()) == 2
+    )
+    np.testing.assert_array_equal(dots.get_xydata(), [[0, 0.9], [100, 0.4]])
+    assert dots.get_color() == COLOURS[1]
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["published"]
+
+
+def test_pictures_stand_in_columns_below_their_names(losses):
+    figure = draw("pot", losses, ORDER)
+    beside = figure.subfigs[1]
+    assert len(beside.axes) == 2 * 3
+    assert [text.get_text() for text in beside.texts] == ["photographs", "fine_2", "$other$"]
+    red = [a for a in beside.axes if (a.images[0].get_array()[0, 0] == (255, 0, 0)).all()]
+    assert max(a.get_position().x0 for a in red) < 0.01
+    figure.canvas.draw()
+    sides = [np.diff(a.get_window_extent().get_points(), axis=0)[0] for a in beside.axes]
+    assert np.ptp(sides, axis=0).max() < 1  # all of one size
+    np.testing.assert_allclose(sides[0][0], sides[0][1], rtol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("name", "lines"),
+    [
+        ("fast", "fast"),
+        ("initialised_high_poly_with_much", "initialised_high_poly_\nwith_much"),
+        ("a" * 30, "a" * 22 + "\n" + "a" * 8),
+    ],
+)
+def test_long_names_are_broken_where_they_can_be(name, lines):
+    assert break_name(name) == lines

@@ -1,12 +1,17 @@
 """The page: well-formed, self-contained, with every number, and nothing unescaped."""
 
+import dataclasses
+import json
 import re
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
-from PIL import Image
+from pages import GALLERY, box, gallery, result
 
-from silmesh.report.page import LACKING, METRICS, Scene, run_settings, show, write_page
+from silmesh.report.measures import LACKING, METRICS, show
+from silmesh.report.packing import unpack
+from silmesh.report.page import run_settings, write_page
 
 VOID = {"meta", "link", "img", "br", "hr", "input"}
 SETTINGS = {
@@ -51,7 +56,7 @@ class Reader(HTMLParser):
 
     def __init__(self, page):
         super().__init__()
-        self.open, self.tags = [], []
+        self.open, self.tags, self.packed = [], [], {}
         self.feed(page)
         self.close()
 
@@ -59,6 +64,12 @@ class Reader(HTMLParser):
         self.tags.append((tag, dict(attrs)))
         if tag not in VOID:
             self.open.append(tag)
+        if dict(attrs).get("type") == "text/plain":
+            self.packed[dict(attrs)["id"]] = ""
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] == "script" and self.tags[-1][1].get("type") == "text/plain":
+            self.packed[self.tags[-1][1]["id"]] += data
 
     def handle_endtag(self, tag):
         assert self.open.pop() == tag
@@ -67,29 +78,19 @@ class Reader(HTMLParser):
         return [attrs[name] for _, attrs in self.tags if name in attrs]
 
 
-@pytest.fixture
-def files(tmp_path):
-    figures, pictures = {}, {}
-    for object_ in ("pot", "cup"):
-        figures[object_] = tmp_path / f"{object_}.svg"
-        figures[object_].write_text('<svg xmlns="http://www.w3.org/2000/svg"/>')
-    for run in METRICS_OF:
-        pictures[run] = tmp_path / f"{'_'.join(run)}.png"
-        Image.new("RGB", (1122, 574)).save(pictures[run])
-    Image.new("RGB", (1126, 615)).save(tmp_path / "rings.png")
-    told = {
-        "cameras": "turntable", "dropped": {}, "warnings": [], "figures": {},
-        "hull_iou": {"r0": 0.9}, "hull_iou_mean": 0.9,
-    }  # fmt: skip
-    scene = Scene("256-pad-mask-turntable", told, tmp_path / "rings.png")
-    other = Scene("128-pad-alpha-turntable", told, tmp_path / "rings.png")
-    scenes = {run: other if run[1] == "fine-2" else scene for run in METRICS_OF}
-    return figures, pictures, scenes
+@pytest.fixture(scope="module")
+def parts(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("parts")
+    results = {run: result(folder, metrics) for run, metrics in METRICS_OF.items()}
+    run = ("pot", "fine-2")
+    results[run] = result(folder, METRICS_OF[run], scene="128-pad-alpha-turntable", gallery="128")
+    told = gallery(folder)
+    return results, {("pot", GALLERY): told, ("pot", "128"): told, ("cup", GALLERY): told}
 
 
-@pytest.fixture
-def page(files):
-    return write_page(METRICS_OF, *files, SETTINGS)
+@pytest.fixture(scope="module")
+def page(parts):
+    return write_page(*parts, SETTINGS)
 
 
 def test_every_tag_is_closed_and_every_link_leads_somewhere(page):
@@ -107,19 +108,70 @@ def test_nothing_is_fetched(page):
     reader = Reader(page)
     links = reader.attributes("src") + reader.attributes("href")
     assert all(link.startswith(("data:", "#")) for link in links)
-    assert not re.search(r"url\(|@import|<script|https?:", page)
+    ours = re.sub(r'<script type="text/plain".*?</script>', "", page)
+    named = set(re.findall(r"https?://[^\s\"']*", ours))
+    assert named == {"http://www.w3.org/2000/svg"}  # a name, not an address
+    assert not re.search(r"url\(|@import|<script src|fetch\(", ours)
+
+
+def test_the_libraries_are_in_the_page_with_their_licences(page):
+    packed = Reader(page).packed
+    assert "uPlot" in unpack(packed["library-uplot"]).decode()
+    assert "SPDX-License-Identifier: MIT" in unpack(packed["library-three"]).decode()
+
+
+def test_what_is_drawn_is_packed(page, parts):
+    packed = Reader(page).packed
+    data = json.loads(unpack(packed["data-0"]))
+    assert [run["variant"] for run in data["runs"]] == ["plain", "fine-2"]
+    assert data["runs"][0]["iou"] == {"r0": 0.9877}
+    gallery = data["galleries"][data["runs"][0]["gallery"]]
+    assert {view["name"] for view in gallery["views"]} > set(data["runs"][0]["outlines"])
+    curve = data["runs"][0]["curve"]
+    assert (curve["iteration"][0], curve["iteration"][-1]) == (0, 299)
+    assert curve["loss"][0] == pytest.approx(0.7)
+    assert unpack(packed["mesh-0-1-fitted"])[:4] == b"glTF"
+    assert data["runs"][0]["placed"] is None
+
+
+def test_the_truth_lies_in_the_normalised_world(parts):
+    results, galleries = parts
+    truth = box((0.5, 0.8, 0.4))  # in the input's world; the normalised one has it about the origin
+    page = write_page(results, galleries, SETTINGS, {"cup": truth})
+    data = json.loads(unpack(Reader(page).packed["data-1"]))
+    placed = np.array(data["runs"][0]["placed"]).reshape(4, 4).T
+    np.testing.assert_allclose(
+        placed[:3, :3] @ truth.bounds.mean(axis=0) + placed[:3, 3], 0, atol=1e-9
+    )
+    assert "truth-1" in Reader(page).packed
+    assert page.count(">truth</option>") == 2
+
+
+def test_a_truth_that_a_mesh_was_laid_on_comes_back_to_it(parts):
+    results, galleries = parts
+    turn = [[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]]
+    laid = {"scale": 3.0, "R": turn, "t": [1.0, 2, 3]}
+    run = ("cup", "plain")
+    moved = dataclasses.replace(results[run], metrics={"placement": laid})
+    truth = box((0.5, 0.8, 0.4))
+    truth.vertices = 3 * truth.vertices @ np.array(turn).T + [1, 2, 3]
+    page = write_page({run: moved}, galleries, SETTINGS, {"cup": truth})
+    data = json.loads(unpack(Reader(page).packed["data-0"]))
+    placed = np.array(data["runs"][0]["placed"]).reshape(4, 4).T
+    back = truth.vertices @ placed[:3, :3].T + placed[:3, 3]
+    np.testing.assert_allclose(back.min(axis=0), [-0.25, -0.4, -0.2], atol=1e-9)
 
 
 def test_every_image_says_what_it_shows(page):
     images = [attrs for tag, attrs in Reader(page).tags if tag == "img"]
-    # a figure an object; a thumbnail and a picture a run; a picture of cameras a scene
-    assert len(images) == 2 + 2 * 3 + 3
+    # two thumbnails and a picture a run; a picture of cameras a scene
+    assert len(images) == 3 * 3 + 3
     assert all(len(attrs["alt"]) > 10 for attrs in images)
 
 
 def test_shows_the_numbers_and_a_dash_for_what_lacks(page):
     rows = re.findall(r'<tr role="row">(.*?)</tr>', page, re.DOTALL)[1:]
-    cells = [dict(re.findall(r'data-label="(.*?)">(.*?)</td>', row)) for row in rows]
+    cells = [dict(re.findall(r'data-label="(.*?)".*?>(.*?)</td>', row)) for row in rows]
     assert cells[0] == {
         "IoU, mean": "0.988",
         "IoU, least": "0.911",
@@ -154,17 +206,15 @@ def test_the_first_meshes_scores_and_warnings_are_told(page):
     assert "First mesh: the frame cuts the object in r&lt;35&gt;." in page
 
 
-def test_names_and_values_are_escaped(files):
-    figures, pictures, scenes = files
-    figures = {"<i>x": figures["pot"]}
+def test_names_and_values_are_escaped(parts):
+    results, galleries = parts
     run = ("<i>x", '"plain"&')
     settings = {
         "configuration": {**SETTINGS["configuration"], "variants": {run[1]: {"a": "</td><u>"}}},
         "objects": {"<i>x": {}},
     }
-    metrics = {run: {"iou_mean": 0.5}}
     page = write_page(
-        metrics, figures, {run: pictures["pot", "plain"]}, {run: scenes["pot", "plain"]}, settings
+        {run: results["pot", "plain"]}, {("<i>x", GALLERY): galleries["pot", GALLERY]}, settings
     )
     assert not {"i", "u", "b"} & {tag for tag, _ in Reader(page).tags}
     assert "&lt;i&gt;x" in page
@@ -172,8 +222,8 @@ def test_names_and_values_are_escaped(files):
     assert Reader(page).open == []
 
 
-def test_the_same_page_each_time(page, files):
-    assert page == write_page(METRICS_OF, *files, SETTINGS)
+def test_the_same_page_each_time(page, parts):
+    assert page == write_page(*parts, SETTINGS)
 
 
 def test_settings_are_the_objects_row_under_what_the_variant_says():

@@ -14,10 +14,11 @@ from silmesh.cameras.turntable import turntable_cameras
 from silmesh.scene import write_scene
 from silmesh.silhouettes import encode
 from silmesh.softras import soft_silhouettes
-from silmesh.steps import figure, picture, report, rings
+from silmesh.steps import figure, gallery, picture, report, rings
 
 RUNS = ["box-1/plain", "box-1/fine"]
-SCENE = "box-1/stages/scenes/64"
+SCENE, JUDGED = "box-1/stages/scenes/64", "box-1/stages/judged/64-keep"
+GALLERY = "galleries/box-1/64-keep.json"
 
 
 @pytest.fixture
@@ -44,7 +45,15 @@ def results(tmp_path):
     }
     pictures = {name: tmp_path / name for name in ("views", "silhouettes")}
     agreement = np.array([0.91, 0.93, 0.95, 0.97])
-    write_scene(tmp_path / SCENE, cameras, Similarity.identity(), agreement, pictures, told)
+    world = Similarity.identity()
+    for scene in (SCENE, JUDGED):
+        write_scene(tmp_path / scene, cameras, world, agreement, pictures, told)
+    rows = ("a,,kept", "b,cut by the frame,kept", "c,,kept", "d,too small,dropped")
+    (tmp_path / JUDGED / "quality.csv").write_text("view,doubt,fate\n" + "\n".join(rows) + "\n")
+    encode(masks[0]).save(tmp_path / "views" / "e.png")
+    first = tmp_path / "box-1/stages/first"
+    first.mkdir(parents=True)
+    box.export(first / "first.ply")
     for i, run in enumerate(RUNS):
         folder = tmp_path / run
         folder.mkdir(parents=True)
@@ -57,30 +66,50 @@ def results(tmp_path):
 
 def test_tables_figure_pictures_and_page_from_results(results):
     made = results / "report"
+    every = [f"{results}/{run}" for run in RUNS]
     figure.main(
-        f"--object box-1 --losses {results}/box-1/plain/loss.csv {results}/box-1/fine/loss.csv"
+        f"--object box-1 --losses {every[0]}/loss.csv {every[1]}/loss.csv"
+        f" --meshes {every[0]}/mesh.ply {every[1]}/mesh.ply"
+        f" --cameras {every[0]}/cameras.json {every[1]}/cameras.json"
+        f" --scenes {results}/{JUDGED} {results}/{JUDGED}"
         " --variants plain fine --order fine plain"
         f" --outputs {made}/figures/box-1.svg {made}/figures/box-1.png".split()
     )
     for run in RUNS:
         picture.main(
             f"--mesh {results}/{run}/mesh.ply --cameras {results}/{run}/cameras.json"
-            f" --scene {results}"
-            f" --output {made}/pictures/{run}.png".split()
+            f" --first {results}/box-1/stages/first/first.ply --scene {results}/{JUDGED}"
+            f" --sigma 1e-4 --output {made}/pictures/{run}.png --gif {made}/turntables/{run}.gif"
+            f" --mp4 {made}/turntables/{run}.mp4 --exhibit {made}/exhibits/{run}.json".split()
         )
     rings.main(
         f"--scene {results}/{SCENE} --threads 1 --output {made}/cameras/box-1/64.png".split()
     )
-    settings = {
+    gallery.main(
+        f"--views {results}/views --scene {results}/{SCENE} --judged {results}/{JUDGED}"
+        f" --output {made}/galleries/box-1/64-keep.json".split()
+    )
+    fates = [v["fate"] for v in json.loads((made / GALLERY).read_text())["views"]]
+    assert fates == ["kept", "kept", "kept", "dropped", "lost"]
+    (results / "fit.tsv").write_text("s\th:m:s\n12.5\t0:00:12\n")
+    plan = {
         "configuration": {"views": {"size": 64}, "variants": {"plain": {}, "fine": {}}},
         "objects": {},
-    }
-    arguments = (
-        f"--results {results} --runs {' '.join(f'{run}/64' for run in RUNS)}"
-        f" --losses {made}/losses.csv --summary {made}/summary.csv"
-        f" --page {made}/report.html --settings"
+        "truths": [],
+        "runs": [
+            {
+                "object": "box-1", "variant": variant, "scene": "64", "judged": "64-keep",
+                "published": variant, "holdout": 0,
+                "stages": {"fit": f"{results}/fit.tsv", "scene": f"{results}/lacking.tsv"},
+            }
+            for variant in ("plain", "fine")
+        ],
+    }  # fmt: skip
+    (results / "plan.json").write_text(json.dumps(plan))
+    report.main(
+        f"--plan {results}/plan.json --results {results} --losses {made}/losses.csv"
+        f" --summary {made}/summary.csv --page {made}/report.html".split()
     )
-    report.main([*arguments.split(), json.dumps(settings)])
     with open(made / "losses.csv", newline="") as file:
         rows = list(csv.DictReader(file))
     assert [(r["object"], r["variant"], r["loss"]) for r in rows] == [
@@ -95,6 +124,7 @@ def test_tables_figure_pictures_and_page_from_results(results):
     page = (made / "report.html").read_text()
     assert "0.900" in page
     assert "0.910" in page
+    assert '<th scope="row">fit</th><td>12.5</td>' in page
     assert page.count("as frusta around the visual hull") == 1  # both runs share the scene
     for said in ("10.00 ± 0.46°", "-45.00°", "Elevation is a guess.", "blurred &amp; &lt;b&gt;"):
         assert said in page

@@ -91,7 +91,7 @@ class Project:
 
 def _short(path: str) -> str:
     """``cup/32-pad`` of results/cup/stages/views/32-pad, ``cup/round`` of that mesh.ply."""
-    path = re.sub(r"^results/(report/(figures|pictures|cameras|silhouettes)/)?", "", path)
+    path = re.sub(r"^results/(report/(figures|pictures|cameras|silhouettes|galleries)/)?", "", path)
     path = re.sub(r"/stages/\w+", "", path)
     return re.sub(r"(/mesh|/metrics|/report|/first)?\.\w+$", "", path)
 

@@ -11,6 +11,8 @@ rule cameras:
         directory("results/{object}/stages/cameras/{views}-{cameras}"),
     log:
         "logs/cameras/{object}-{views}-{cameras}.log",
+    benchmark:
+        "logs/cameras/{object}-{views}-{cameras}.tsv"
     priority: 10
     params:
         source=camera_source,
@@ -35,6 +37,8 @@ rule calibrate:
         directory("results/{object}/stages/cameras/{views}-{source}-{calibration}"),
     log:
         "logs/cameras/{object}-{views}-{source}-{calibration}.log",
+    benchmark:
+        "logs/cameras/{object}-{views}-{source}-{calibration}.tsv"
     priority: 10
     threads: 2
     params:

@@ -12,6 +12,8 @@ rule colmap_features:
         directory("results/{object}/stages/features/{features}"),
     log:
         "logs/colmap/{object}-features-{features}.log",
+    benchmark:
+        "logs/colmap/{object}-features-{features}.tsv"
     priority: 10
     threads: workflow.cores
     params:
@@ -33,6 +35,8 @@ rule colmap_matches:
         directory("results/{object}/stages/matches/{features}-{matching}-{seed}"),
     log:
         "logs/colmap/{object}-matches-{features}-{matching}-{seed}.log",
+    benchmark:
+        "logs/colmap/{object}-matches-{features}-{matching}-{seed}.tsv"
     priority: 10
     threads: workflow.cores
     params:
@@ -52,6 +56,8 @@ rule colmap_map:
         directory("results/{object}/stages/models/{matches}-{mapping}"),
     log:
         "logs/colmap/{object}-map-{matches}-{mapping}.log",
+    benchmark:
+        "logs/colmap/{object}-map-{matches}-{mapping}.tsv"
     priority: 10
     params:
         seed=lambda w: plan.with_key(w.object, "matches", w.matches).colmap.seed,

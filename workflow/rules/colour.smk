@@ -12,6 +12,8 @@ rule colour:
         multiext("results/{object}/{variant}/mesh", ".obj", ".glb"),
     log:
         "logs/colour/{object}-{variant}.log",
+    benchmark:
+        "logs/colour/{object}-{variant}.tsv"
     params:
         code=code_digest("silmesh.steps.colour"),
     message:

@@ -2,6 +2,11 @@
 
 import json
 
+from silmesh.files import replacing
+from silmesh.report.parts import PARTS
+
+REPORT_PLAN = "results/report/plan.json"
+
 
 def code_digest(module):
     """The digest of a step's code, as a parameter that is only worked out for jobs in sight."""
@@ -215,8 +220,47 @@ def variants_of(object_):
     return [run.variant for run in plan.runs if run.dataset.object == object_]
 
 
-def report_settings():
-    """What the page prints: the configuration, and what the objects' rows add to it."""
+def runs_of(object_, path):
+    """A path of each run of an object."""
+    return [_fill(path, run) for run in plan.runs if run.dataset.object == object_]
+
+
+def scenes_of(object_):
+    """The scene that each run of an object is fitted to."""
+    return [fitted_scene(run) for run in plan.runs if run.dataset.object == object_]
+
+
+def every_run(path):
+    """A path of each run, once: {0} is its object, {1} its variant, {2} its scene, {3} its judging."""
+    return list(dict.fromkeys(_fill(path, run) for run in plan.runs))
+
+
+def _fill(path, run):
+    return path.format(run.dataset.object, run.variant, run.scene_key, run.judged_key)
+
+
+def truths():
+    """The objects that have a true mesh."""
+    return list(
+        dict.fromkeys(run.dataset.object for run in plan.runs if run.dataset.truth)
+    )
+
+
+def published():
+    """The table of published curves, if there is one."""
+    return [str(plan.config.published)] if plan.config.published else []
+
+
+def published_arguments(object_):
+    """The arguments that name the published curves of an object's variants."""
+    if not plan.config.published:
+        return ""
+    names = [run.published for run in plan.runs if run.dataset.object == object_]
+    return f"--published {quote(str(plan.config.published))} --curves {' '.join(names)}"
+
+
+def report_plan():
+    """What the page is made of and says of its runs beside what it reads."""
     rows = {
         run.dataset.object: {
             "silhouettes": run.dataset.silhouettes,
@@ -224,18 +268,50 @@ def report_settings():
         }
         for run in plan.runs
     }
-    configuration = plan.config.model_dump(mode="json")
-    return json.dumps({"configuration": configuration, "objects": rows})
+    return {
+        "configuration": plan.config.model_dump(mode="json"),
+        "objects": rows,
+        "truths": truths(),
+        "runs": [
+            {
+                "object": run.dataset.object,
+                "variant": run.variant,
+                "scene": run.scene_key,
+                "judged": run.judged_key,
+                "published": run.published,
+                "holdout": run.fit.holdout,
+                "stages": stages_of(run),
+            }
+            for run in plan.runs
+        ],
+    }
 
 
-def sheets():
-    """The sheet of each set of silhouettes."""
-    keys = dict.fromkeys((run.dataset.object, run.judged_key) for run in plan.runs)
-    return [f"results/report/silhouettes/{object_}/{key}.png" for object_, key in keys]
+def stages_of(run):
+    """Where Snakemake writes how long a run's stages took: none has to be there."""
+    object_ = run.dataset.object
+    colmap = {
+        "features": f"colmap/{object_}-features-{run.features_key}",
+        "matches": f"colmap/{object_}-matches-{run.matches_key}",
+        "mapping": f"colmap/{object_}-map-{run.model_key}",
+    }
+    files = {
+        "views": f"views/{object_}-{run.views_key}",
+        "silhouettes": f"silhouettes/{object_}-{run.silhouettes_key}",
+        **(colmap if run.cameras in ("colmap", "auto") else {}),
+        "cameras": f"cameras/{object_}-{run.cameras_keys[-1]}",
+        "scene": f"scene/{object_}-{run.scene_key}",
+        "judging": f"judge/{object_}-{run.judged_key}",
+        "first mesh": f"first/{object_}-{run.first_key}",
+        "fit": f"fit/{object_}-{run.variant}",
+        "colours": f"colour/{object_}-{run.variant}",
+        "metrics": f"evaluate/{object_}-{run.variant}",
+        "pictures": f"picture/{object_}-{run.variant}",
+    }
+    return {stage: f"logs/{file}.tsv" for stage, file in files.items()}
 
 
-def every_run(path):
-    """A path of each run: {0} is its object, {1} its variant, {2} its scene."""
-    return [
-        path.format(run.dataset.object, run.variant, run.scene_key) for run in plan.runs
-    ]
+def write_report_plan():
+    """Write what the page is told: a command line has no room for hundreds of runs."""
+    with replacing(REPORT_PLAN) as part:
+        part.write_text(json.dumps(report_plan(), indent=1) + "\n")

@@ -13,6 +13,8 @@ rule evaluate:
         "results/{object}/{variant}/metrics.json",
     log:
         "logs/evaluate/{object}-{variant}.log",
+    benchmark:
+        "logs/evaluate/{object}-{variant}.tsv"
     params:
         settings=lambda w: "--holdout {0.holdout} --sigma {0.sigma}".format(
             plan.run(w.object, w.variant).fit

@@ -11,6 +11,8 @@ rule first:
         report="results/{object}/stages/first/{first}/init.json",
     log:
         "logs/first/{object}-{first}.log",
+    benchmark:
+        "logs/first/{object}-{first}.tsv"
     priority: 5
     threads: first_threads
     params:

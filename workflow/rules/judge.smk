@@ -11,6 +11,8 @@ rule judge:
         directory("results/{object}/stages/judged/{judged}"),
     log:
         "logs/judge/{object}-{judged}.log",
+    benchmark:
+        "logs/judge/{object}-{judged}.tsv"
     priority: 10
     threads: judge_threads
     params:

@@ -1,20 +1,23 @@
-# requires  every run's losses, metrics and mesh, with its scene
-# makes     a loss figure an object, a picture a run, one of each scene's cameras, two tables of all,
-#           and the page with them
-# runs      silmesh.steps.figure, silmesh.steps.picture, silmesh.steps.rings, silmesh.steps.report
+# requires  every run's losses, metrics and meshes, with its scene
+# makes     a figure an object of its curves and meshes; of each run a picture, a turntable and what
+#           the page shows of it; of each scene a picture of its cameras and its photographs for the
+#           page; two tables of all, and the page with them
+# runs      silmesh.steps.figure, silmesh.steps.picture, silmesh.steps.rings, silmesh.steps.gallery,
+#           silmesh.steps.report
 
 
 rule figure:
     input:
-        losses=lambda w: [
-            f"results/{w.object}/{variant}/loss.csv"
-            for variant in variants_of(w.object)
-        ],
+        losses=lambda w: runs_of(w.object, "results/{0}/{1}/loss.csv"),
+        meshes=lambda w: runs_of(w.object, "results/{0}/{1}/mesh.ply"),
+        cameras=lambda w: runs_of(w.object, "results/{0}/{1}/cameras.json"),
+        scenes=lambda w: scenes_of(w.object),
+        published=published(),
     output:
         svg=report(
             "results/report/figures/{object}.svg",
-            caption="../report/loss.rst",
-            category="Losses",
+            caption="../report/figure.rst",
+            category="Curves and meshes",
             labels={"object": "{object}"},
         ),
         png="results/report/figures/{object}.png",
@@ -23,37 +26,76 @@ rule figure:
     params:
         variants=lambda w: variants_of(w.object),
         order=list(plan.config.variants),
+        published=lambda w: published_arguments(w.object),
         code=code_digest("silmesh.steps.figure"),
     message:
-        "{wildcards.object}: drawing its losses"
+        "{wildcards.object}: drawing its losses and meshes"
     shell:
         "python -m silmesh.steps.figure --object={wildcards.object}"
-        " --losses {input.losses:q} --variants {params.variants} --order {params.order}"
-        " --outputs {output:q} 2> {log:q}"
+        " --losses {input.losses:q} --meshes {input.meshes:q} --cameras {input.cameras:q}"
+        " --scenes {input.scenes:q} --variants {params.variants} --order {params.order}"
+        " {params.published} --outputs {output:q} 2> {log:q}"
 
 
 rule picture:
     input:
         mesh="results/{object}/{variant}/mesh.obj",
         cameras="results/{object}/{variant}/cameras.json",
+        first=lambda w: fit_inputs(w)["first"],
         scene=lambda w: fit_inputs(w)["scene"],
     output:
-        report(
+        picture=report(
             "results/report/pictures/{object}/{variant}.png",
             caption="../report/picture.rst",
             category="Meshes",
             subcategory="{object}",
-            labels={"object": "{object}", "variant": "{variant}"},
+            labels={"object": "{object}", "variant": "{variant}", "kind": "picture"},
         ),
+        gif=report(
+            "results/report/turntables/{object}/{variant}.gif",
+            caption="../report/turntable.rst",
+            category="Meshes",
+            subcategory="{object}",
+            labels={
+                "object": "{object}",
+                "variant": "{variant}",
+                "kind": "turntable",
+            },
+        ),
+        mp4="results/report/turntables/{object}/{variant}.mp4",
+        exhibit="results/report/exhibits/{object}/{variant}.json",
     log:
         "logs/picture/{object}-{variant}.log",
+    benchmark:
+        "logs/picture/{object}-{variant}.tsv"
     params:
+        sigma=lambda w: plan.run(w.object, w.variant).fit.sigma,
         code=code_digest("silmesh.steps.picture"),
     message:
         "{wildcards.object}/{wildcards.variant}: drawing the mesh beside its photographs"
     shell:
-        "python -m silmesh.steps.picture --mesh {input.mesh:q} --cameras {input.cameras:q}"
-        " --scene {input.scene:q} --output {output:q} 2> {log:q}"
+        "python -m silmesh.steps.picture --mesh {input.mesh:q} --first {input.first:q}"
+        " --cameras {input.cameras:q} --scene {input.scene:q} --sigma {params.sigma}"
+        " --output {output.picture:q} --gif {output.gif:q} --mp4 {output.mp4:q}"
+        " --exhibit {output.exhibit:q} 2> {log:q}"
+
+
+rule gallery:
+    input:
+        views=lambda w: f"results/{w.object}/stages/views/{with_judged(w).views_key}",
+        scene=lambda w: f"results/{w.object}/stages/scenes/{with_judged(w).scene_key}",
+        judged="results/{object}/stages/judged/{judged}",
+    output:
+        "results/report/galleries/{object}/{judged}.json",
+    log:
+        "logs/gallery/{object}-{judged}.log",
+    params:
+        code=code_digest("silmesh.steps.gallery"),
+    message:
+        "{wildcards.object}: choosing its photographs for the page"
+    shell:
+        "python -m silmesh.steps.gallery --views {input.views:q} --scene {input.scene:q}"
+        " --judged {input.judged:q} --output {output:q} 2> {log:q}"
 
 
 rule rings:
@@ -80,13 +122,17 @@ rule rings:
 
 rule page:
     input:
-        losses=every_run("results/{}/{}/loss.csv"),
-        metrics=every_run("results/{}/{}/metrics.json"),
-        pictures=every_run("results/report/pictures/{}/{}.png"),
-        figures=list(dict.fromkeys(every_run("results/report/figures/{}.svg"))),
-        scenes=list(dict.fromkeys(every_run("results/{0}/stages/scenes/{2}"))),
-        rings=list(dict.fromkeys(every_run("results/report/cameras/{0}/{2}.png"))),
-        sheets=sheets(),
+        losses=every_run("results/{0}/{1}/loss.csv"),
+        metrics=every_run("results/{0}/{1}/metrics.json"),
+        pictures=every_run("results/report/pictures/{0}/{1}.png"),
+        exhibits=every_run("results/report/exhibits/{0}/{1}.json"),
+        figures=every_run("results/report/figures/{0}.svg"),
+        scenes=every_run("results/{0}/stages/scenes/{2}"),
+        rings=every_run("results/report/cameras/{0}/{2}.png"),
+        sheets=every_run("results/report/silhouettes/{0}/{3}.png"),
+        galleries=every_run("results/report/galleries/{0}/{3}.json"),
+        truths=[f"results/{object_}/stages/truth.ply" for object_ in truths()],
+        published=published(),
     output:
         losses=report(
             "results/report/losses.csv",
@@ -109,13 +155,12 @@ rule page:
     log:
         "logs/report.log",
     params:
-        runs=every_run("{}/{}/{}"),
-        settings=report_settings(),
+        told=report_plan(),
+        plan=REPORT_PLAN,
         code=code_digest("silmesh.steps.report"),
-        template=file_digest("silmesh.report", "page.html.j2"),
+        parts=[file_digest("silmesh.report", name) for name in PARTS],
     message:
         "writing results/report/report.html"
     shell:
-        "python -m silmesh.steps.report --results results --runs {params.runs}"
-        " --settings {params.settings:q} --sheets {input.sheets:q} --losses {output.losses:q}"
+        "python -m silmesh.steps.report --plan {params.plan:q} --losses {output.losses:q}"
         " --summary {output.summary:q} --page {output.page:q} 2> {log:q}"

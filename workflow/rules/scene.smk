@@ -15,6 +15,8 @@ rule scene:
         directory("results/{object}/stages/scenes/{scene}"),
     log:
         "logs/scene/{object}-{scene}.log",
+    benchmark:
+        "logs/scene/{object}-{scene}.tsv"
     priority: 10
     threads: 2
     params:

@@ -31,6 +31,8 @@ rule silhouettes:
         directory("results/{object}/stages/silhouettes/{views}-{source}"),
     log:
         "logs/silhouettes/{object}-{views}-{source}.log",
+    benchmark:
+        "logs/silhouettes/{object}-{views}-{source}.tsv"
     priority: 10
     threads: silhouettes_threads
     params:

@@ -10,6 +10,8 @@ rule views:
         directory("results/{object}/stages/views/{views}"),
     log:
         "logs/views/{object}-{views}.log",
+    benchmark:
+        "logs/views/{object}-{views}.tsv"
     priority: 10
     params:
         settings=lambda w: "--size {0.size} --resize {0.resize}".format(

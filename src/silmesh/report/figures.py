@@ -1,11 +1,16 @@
-"""The loss figure of an object: every variant's loss against the iteration, on linear axes.
+"""The figure of an object: every variant's loss against the iteration, and the meshes beside it.
+
+Published losses are dots in their variant's colour.
 
 Colours are those of Okabe and Ito, told apart under every common colour blindness; beyond seven
 variants the dashes change. A variant has the same style in the figures of all objects.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from textwrap import wrap
+from types import MappingProxyType
 from typing import Any
 
 import matplotlib as mpl
@@ -13,8 +18,9 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.text import Text
+from PIL import Image
 
 from silmesh.files import replacing
 
@@ -27,7 +33,11 @@ STYLE = {
     "font.family": "sans-serif",
     "font.size": 10,
 }
-LEFT = 0.08  # of the figure's width: where the axes begin
+WIDTH, HEIGHT, CELL, GAP = 8.4, 4.1, 1.72, 0.15  # inches: of the curves, and of a picture
+TOP = 0.87  # of the height: where the pictures begin
+LETTERS = 22  # in a line above a picture
+DOTS = {"linestyle": "none", "marker": "o", "ms": 3.6, "mfc": "none", "mew": 1.1}
+LEFT = 0.08  # of the curves' width: where the axes begin
 LABEL = 1.105  # of the axes' width: where the labels begin
 LABEL_HEIGHT = 0.058  # of the axes: labels stand at least so far apart
 
@@ -45,26 +55,83 @@ def style_of(variant: str, order: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def draw_losses(object_: str, losses: Mapping[str, pd.DataFrame], order: Sequence[str]) -> Figure:
-    """Draw an object's losses, a line a variant, each labelled at its end with its last value.
+def draw_figure(
+    object_: str,
+    losses: Mapping[str, pd.DataFrame],
+    order: Sequence[str],
+    columns: Sequence[Sequence[Image.Image]],
+    published: Mapping[str, pd.DataFrame] = MappingProxyType({}),
+) -> Figure:
+    """Draw an object's losses, a line a variant, each labelled at its end; right, the meshes.
 
     Args:
         object_: the title
         losses: the ``loss.csv`` of each variant
         order: all variants of the configuration, which decide the styles
+        columns: two views of the photographs, then of each variant's mesh, square pictures
+        published: ``iteration`` and ``loss`` of the variants that repeat a published curve
     """
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(8.4, 3.9))
+        beside = CELL * len(columns) + GAP
+        figure = Figure(figsize=(WIDTH + beside, HEIGHT))
         FigureCanvasAgg(figure)
-        axes = figure.add_axes((LEFT, 0.13, 1 - LEFT, 0.77))
-        ends = {}
-        for variant, loss in losses.items():
-            style = style_of(variant, order)
-            axes.plot(loss["iteration"], loss["loss"], linewidth=1.6, **style)
-            ends[f"{variant}  {loss['loss'].iloc[-1]:.4f}"] = (loss.iloc[-1], style)
-        _name_axes(axes, object_)
-        _label_ends(axes, ends)
+        curves, pictures = figure.subfigures(1, 2, width_ratios=(WIDTH, beside))
+        draw_losses(curves, object_, losses, order, published)
+        _draw_columns(pictures, ["photographs", *losses], columns)
     return figure
+
+
+def draw_losses(
+    figure: Figure | SubFigure,
+    object_: str,
+    losses: Mapping[str, pd.DataFrame],
+    order: Sequence[str],
+    published: Mapping[str, pd.DataFrame],
+) -> None:
+    """Draw the losses in a figure; see ``draw_figure``."""
+    axes = figure.add_axes((LEFT, 0.13, 1 - LEFT, 0.77))
+    ends = {}
+    for variant, loss in losses.items():
+        style = style_of(variant, order)
+        axes.plot(loss["iteration"], loss["loss"], linewidth=1.6, **style)
+        ends[f"{variant}  {loss['loss'].iloc[-1]:.4f}"] = (loss.iloc[-1], style)
+        if variant in published:
+            curve = published[variant]
+            curve = curve[curve["iteration"] <= loss["iteration"].iloc[-1]]
+            axes.plot(curve["iteration"], curve["loss"], **DOTS, color=style["color"])
+    _name_axes(axes, object_)
+    if published:
+        axes.plot([], [], label="published", **DOTS, color=INK)
+        axes.legend(loc="upper right", frameon=False, labelcolor=INK)
+    _label_ends(axes, ends)
+
+
+def _draw_columns(
+    figure: SubFigure, titles: Sequence[str], columns: Sequence[Sequence[Image.Image]]
+) -> None:
+    """Draw pictures in columns, each below its title, which is broken where it is too wide."""
+    wide, high = 1 / len(columns), CELL / HEIGHT
+    for j, (title, pictures) in enumerate(zip(titles, columns, strict=True)):
+        for i, picture in enumerate(pictures):
+            place = (j * wide, TOP - (i + 1) * high, 0.97 * wide, 0.97 * high)
+            axes = figure.add_axes(place)
+            axes.imshow(picture, interpolation="lanczos", aspect="equal")
+            axes.set_axis_off()
+        figure.text(
+            (j + 0.485) * wide, TOP + 0.02, break_name(title), ha="center", va="bottom", color=INK,
+            fontsize=9, parse_math=False,
+        )  # fmt: skip
+
+
+def break_name(title: str) -> str:
+    """A name in lines that fit over a picture, broken behind ``_`` and ``-`` where it can be."""
+    pieces = re.sub(r"(?<=[_-])(?=.)", " ", title).split()
+    lines = [""]
+    for piece in pieces:
+        if lines[-1] and len(lines[-1]) + len(piece) > LETTERS:
+            lines.append("")
+        lines[-1] += piece
+    return "\n".join(part for line in lines for part in wrap(line, LETTERS))
 
 
 def _name_axes(axes: Axes, object_: str) -> None:

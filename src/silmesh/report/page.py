@@ -1,36 +1,46 @@
-"""The page that a person opens: one HTML file with every table, figure and picture in it."""
+"""The page that a person opens: one HTML file with every table, curve, photograph and mesh in it.
 
-import base64
-import io
-import math
+What is large lies packed in the page, in one block an object and one a mesh, and is unpacked when
+the object is opened; so do the libraries. See ``parts.py`` for what the page is put together from.
+"""
+
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
+from importlib.resources import files
 from pathlib import Path
 from platform import python_version
 from types import MappingProxyType
 from typing import Any
 
+import numpy as np
+import pandas as pd
+import trimesh
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from PIL import Image
 
+from silmesh.report.budget import choose_views
+from silmesh.report.curves import describe_curve, table_of
+from silmesh.report.gallery import encode_webp
+from silmesh.report.measures import (
+    COHERENT,
+    LACKING,
+    METRICS,
+    OVERVIEW,
+    TRUTH,
+    is_incoherent,
+    show,
+)
+from silmesh.report.packing import encode_glb, pack, pack_json
+from silmesh.report.parts import LIBRARIES, SCRIPTS, STYLES, TEMPLATE
 from silmesh.report.pictures import crop_thumbnail
 from silmesh.report.tables import Run, objects_of
 
-LACKING = "–"
-COHERENT = 0.9  # below this hull IoU, cameras and silhouettes contradict each other
-LIBRARIES = ("silmesh", "torch", "numba", "numpy", "scikit-image", "trimesh", "snakemake")
+PACKAGES = ("silmesh", "torch", "numba", "numpy", "scikit-image", "trimesh", "snakemake")
 THUMBNAIL = 132  # pixels
-
-
-@dataclass(frozen=True)
-class Metric:
-    """How a number of ``metrics.json`` is shown, and what it means."""
-
-    key: str
-    label: str
-    meaning: str
-    form: str = ".3f"
+STILLS = 600_000  # bytes of the page, for the still pictures of all runs and scenes
+WIDTHS = (1122, 840, 640, 480)  # pixels of a still, of which the first that fits is taken
+DENSE = 0.06  # bytes that a pixel of a still takes in the page
 
 
 @dataclass(frozen=True)
@@ -48,6 +58,33 @@ class Scene:
     picture: Path
 
 
+@dataclass(frozen=True)
+class Result:
+    """What the page shows of a run.
+
+    Attributes:
+        metrics: its ``metrics.json``
+        losses: its ``loss.csv``
+        picture: the mesh beside its photographs, PNG
+        exhibit: see ``describe_exhibit``
+        scene: its cameras
+        gallery: names the photographs that it was fitted to
+        published: ``iteration`` and ``loss`` of the curve that it repeats, or None
+        held: the views that the fit never saw
+        seconds: how long its stages took, those of which it is known
+    """
+
+    metrics: Mapping[str, Any]
+    losses: pd.DataFrame
+    picture: Path
+    exhibit: Mapping[str, Any]
+    scene: Scene
+    gallery: str
+    published: pd.DataFrame | None = None
+    held: Sequence[str] = ()
+    seconds: Mapping[str, float] = field(default_factory=dict)
+
+
 PARAMETERS = {  # of a calibration: what they are called, their unit, and what they mean
     "elevation": ("Elevation", "°", "of the camera above the table"),
     "roll": ("Lean", "°", "of the axis in the image, clockwise"),
@@ -56,122 +93,21 @@ PARAMETERS = {  # of a calibration: what they are called, their unit, and what t
     "step": ("Step", "°", "from view to view, negative the other way round"),
 }
 
-METRICS = (
-    Metric(
-        "iou_mean",
-        "IoU, mean",
-        "How much of the mesh's outline and the object's silhouette is common to both, averaged "
-        "over the photographs that were fitted; 1 is a perfect match.",
-    ),
-    Metric("iou_min", "IoU, least", "The same in the photograph that the mesh fits worst."),
-    Metric(
-        "iou_holdout",
-        "IoU, held out",
-        "The same averaged over photographs that the fit never saw.",
-    ),
-    Metric(
-        "hull_iou_mean",
-        "Hull IoU",
-        "How well the largest body that all silhouettes allow fills them. It says how well "
-        f"cameras and silhouettes agree: below {COHERENT} they contradict each other.",
-    ),
-    Metric(
-        "loss_final",
-        "Final loss",
-        "What the fit made small, at its last iteration: one minus the soft IoU, plus the weighted "
-        "smoothness terms.",
-        ".4f",
-    ),
-    Metric("views", "Views", "Photographs that were fitted.", ",d"),
-    Metric(
-        "views_dropped",
-        "Views dropped",
-        "Photographs that were left out, because no camera was found for them.",
-        ",d",
-    ),
-    Metric("iterations", "Iterations", "Steps of the fit.", ",d"),
-    Metric("fit_seconds", "Seconds", "How long the fit took.", ",.0f"),
-    Metric("vertices", "Vertices", "Corners of the mesh.", ",d"),
-    Metric("faces", "Faces", "Triangles of the mesh.", ",d"),
-    Metric("watertight", "Closed", "Whether the surface has no hole and no face turned round."),
-    Metric(
-        "manifold",
-        "Manifold",
-        "Whether at most two triangles meet at each edge, and those about a corner form one fan.",
-    ),
-    Metric("components", "Pieces", "Parts of the mesh that do not hang together.", ",d"),
-    Metric("genus", "Genus", "Handles of the body: 0 for a ball, 1 for a ring.", ",d"),
-    Metric(
-        "self_intersections",
-        "Self-intersections",
-        "Pairs of triangles that cut through each other; 0 is best.",
-        ",d",
-    ),
-    Metric(
-        "edge_length_spread",
-        "Edge spread",
-        "Standard deviation of the edges' lengths over their mean; 0 for edges of one length.",
-    ),
-    Metric(
-        "smallest_angle",
-        "Smallest angle",
-        "The sharpest corner of any triangle, in degrees; 60 at best.",
-        ".1f",
-    ),
-    Metric(
-        "small_angle",
-        "Smallest angles, 1 %",
-        "One triangle in a hundred has a corner sharper than this, in degrees.",
-        ".1f",
-    ),
-    Metric(
-        "aligned",
-        "Aligned",
-        "Whether the mesh was turned, shifted and scaled onto the truth before it was compared, "
-        "since its cameras were estimated and their frame is arbitrary.",
-    ),
-    Metric("scale", "Scale", "How much the mesh was enlarged for that.", ".4g"),
-    Metric(
-        "chamfer",
-        "Chamfer distance",
-        "Mean distance between the fitted and the true surface, in the truth's units; 0 is best.",
-        ".4g",
-    ),
-    Metric(
-        "f_score",
-        "F-score",
-        "How much of the two surfaces lies within 1\u00a0% of the truth's diagonal of each other; "
-        "1 is best.",
-    ),
-    Metric("volume_iou", "Volume IoU", "How much of the two bodies is common to both; 1 is best."),
-    Metric(
-        "normal_consistency",
-        "Normal consistency",
-        "How well the two surfaces' directions agree at nearest points; 1 is best.",
-    ),
-)
-OVERVIEW = ("iou_mean", "iou_min", "hull_iou_mean", "loss_final", "iterations", "fit_seconds")
-TRUTH = ("chamfer", "f_score", "volume_iou", "normal_consistency")  # shown if any run has them
-
 
 def write_page(
-    metrics: Mapping[Run, Mapping[str, Any]],
-    figures: Mapping[str, Path],
-    pictures: Mapping[Run, Path],
-    scenes: Mapping[Run, Scene],
+    results: Mapping[Run, Result],
+    galleries: Mapping[tuple[str, str], Mapping[str, Any]],
     settings: Mapping[str, Any],
-    sheets: Mapping[str, Sequence[Path]] = MappingProxyType({}),
+    truths: Mapping[str, trimesh.Trimesh] = MappingProxyType({}),
 ) -> str:
     """Write the page.
 
     Args:
-        metrics: each run's ``metrics.json``
-        figures: each object's loss figure, SVG
-        pictures: each run's picture, PNG
-        scenes: each run's cameras
+        results: of each run, in the order in which they are shown
+        galleries: by object and name; see ``describe_gallery``
         settings: ``configuration``: the whole of it, defaults filled in; ``objects``: what the
             rows of the objects say, for example where their silhouettes come from
-        sheets: each object's sheets of silhouettes, PNG, named by how they were found
+        truths: the true meshes of objects
     Returns:
         HTML, the same for the same arguments and versions
     """
@@ -181,63 +117,193 @@ def write_page(
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-    ).get_template("page.html.j2")
-    shown = [
-        key for key in TRUTH if any(values.get(key) is not None for values in metrics.values())
-    ]
-    known = [metric for metric in METRICS if any(metric.key in v for v in metrics.values())]
+    ).get_template(TEMPLATE)
+    metrics = {run: result.metrics for run, result in results.items()}
+    shown = [key for key in TRUTH if any(v.get(key) is not None for v in metrics.values())]
+    objects = objects_of(results)
+    room = STILLS // (len(results) + len({(o, r.scene.name) for (o, _), r in results.items()}))
     return page.render(
         objects=[
-            _describe_object(object_, variants, metrics, figures, pictures, scenes, settings)
-            | {"sheets": [_embed_sheet(sheet) for sheet in sheets.get(object_, ())]}
-            for object_, variants in objects_of(metrics).items()
+            _describe_object(
+                object_,
+                {variant: results[object_, variant] for variant in variants},
+                {name: g for (of, name), g in galleries.items() if of == object_},
+                settings,
+                truths.get(object_),
+                (len(objects), room),
+            )
+            for object_, variants in objects.items()
         ],
-        count=len(metrics),
+        count=len(results),
         overview=[metric for metric in METRICS if metric.key in (*OVERVIEW, *shown)],
-        meanings=known,
+        meanings=[m for m in METRICS if any(m.key in v for v in metrics.values())],
         coherent=COHERENT,
         configuration=settings["configuration"],
         versions=_versions(),
+        styles=[_read(name) for name in STYLES],
+        scripts=[_read(name) for name in SCRIPTS],
+        libraries={name: pack(_read(file).encode()) for name, file in LIBRARIES.items()},
+        lacking=LACKING,
     )
+
+
+def _read(name: str) -> str:
+    return files("silmesh.report").joinpath(name).read_text(encoding="utf-8")
 
 
 def _describe_object(
     object_: str,
-    variants: Sequence[str],
-    metrics: Mapping[Run, Mapping[str, Any]],
-    figures: Mapping[str, Path],
-    pictures: Mapping[Run, Path],
-    scenes: Mapping[Run, Scene],
+    results: Mapping[str, Result],
+    galleries: Mapping[str, Mapping[str, Any]],
     settings: Mapping[str, Any],
+    truth: trimesh.Trimesh | None,
+    shares: tuple[int, int],
 ) -> dict[str, Any]:
-    """All that the template shows of an object."""
+    """All that the template shows of an object; ``shares``: objects, and bytes of a still."""
+    order = list(settings["configuration"]["variants"])
+    told = {variant: run_settings(object_, variant, settings) for variant in results}
+    thinned = {
+        name: _thin_gallery(
+            gallery,
+            [r.exhibit["outlines"] for r in results.values() if r.gallery == name],
+            shares[0],
+        )
+        for name, gallery in galleries.items()
+    }
     runs = [
-        {
-            "variant": variant,
-            "values": {m.key: show(metrics[object_, variant].get(m.key), m) for m in METRICS},
-            "incoherent": is_incoherent(metrics[object_, variant]),
-            "doubtful": metrics[object_, variant].get("hull_doubtful"),
-            "first": describe_first(metrics[object_, variant].get("first", {})),
-            "picture": _embed_png(pictures[object_, variant].read_bytes()),
-            "thumbnail": _embed_thumbnail(pictures[object_, variant]),
-            "cameras": metrics[object_, variant].get("cameras"),
-            "settings": run_settings(object_, variant, settings),
-        }
-        for variant in variants
+        _describe_run(variant, result, order) | {"still": _embed_still(result.picture, shares[1])}
+        for variant, result in results.items()
     ]
-    rows = [m for m in METRICS if any(m.key in metrics[object_, v] for v in variants)]
+    curves = _name_curves(results)
+    at, losses = table_of(curves)
     ends = [f"{run['variant']} ends at {run['values']['loss_final']}" for run in runs]
     return {
         "name": object_,
         "runs": runs,
-        "rows": rows,
-        "scenes": _describe_scenes({v: scenes[object_, v] for v in variants}),
-        "figure": _embed("image/svg+xml", figures[object_].read_bytes()),
-        "figure_says": f"Loss of {object_} against the iteration: {', '.join(ends)}.",
+        "incoherent": _group_incoherent(results),
+        "rows": [m for m in METRICS if any(m.key in r.metrics for r in results.values())],
+        "scenes": _describe_scenes({v: r.scene for v, r in results.items()}, shares[1]),
+        "says": f"Loss of {object_} against the iteration: {', '.join(ends)}.",
+        "iterations": at,
+        "losses": losses,
+        "settings": _align(told),
+        "seconds": _align({v: r.seconds for v, r in results.items()}),
+        "truth": truth is not None and pack(encode_glb(np.asarray(truth.vertices), truth.faces)),
+        "truths": [] if truth is None else _tell_truths(results),
+        "shown": {name: len(g["views"]) for name, g in thinned.items()},
+        "views": {name: len(galleries[name]["views"]) for name in thinned},
+        "data": pack_json(
+            {
+                "galleries": thinned,
+                "runs": [
+                    _describe_data(variant, result, thinned[result.gallery], truth)
+                    for variant, result in results.items()
+                ],
+            }
+        ),
     }
 
 
-def _describe_scenes(scenes: Mapping[str, Scene]) -> list[dict[str, Any]]:
+def _describe_run(variant: str, result: Result, order: Sequence[str]) -> dict[str, Any]:
+    """What the template shows of a run."""
+    metrics = result.metrics
+    return {
+        "variant": variant,
+        "place": order.index(variant),
+        "values": {m.key: show(metrics.get(m.key), m) for m in METRICS},
+        "numbers": {m.key: metrics.get(m.key) for m in METRICS},
+        "incoherent": is_incoherent(metrics),
+        "first": describe_first(metrics.get("first", {})),
+        "thumbnail": _embed_thumbnail(result.picture),
+        "cameras": metrics.get("cameras"),
+        "fitted": result.exhibit["fitted"],
+        "first_mesh": result.exhibit["first"],
+        "gallery": result.gallery,
+    }
+
+
+def _group_incoherent(results: Mapping[str, Result]) -> dict[tuple[str, str | None], list[str]]:
+    """The variants of low coherence by their hull IoU and the views that are to be doubted."""
+    groups: dict[tuple[str, str | None], list[str]] = {}
+    for variant, result in results.items():
+        if is_incoherent(result.metrics):
+            hull = f"{result.metrics['hull_iou_mean']:.3f}"
+            groups.setdefault((hull, result.metrics.get("hull_doubtful")), []).append(variant)
+    return groups
+
+
+def _thin_gallery(
+    gallery: Mapping[str, Any], outlines: Sequence[Mapping[str, str]], objects: int
+) -> dict[str, Any]:
+    """A gallery of the views that there is room for."""
+    views = gallery["views"]
+    return {**gallery, "views": [views[i] for i in choose_views(views, outlines, objects)]}
+
+
+def _describe_data(
+    variant: str,
+    result: Result,
+    gallery: Mapping[str, Any],
+    truth: trimesh.Trimesh | None,
+) -> dict[str, Any]:
+    """What the scripts draw of a run."""
+    outlines = result.exhibit["outlines"]
+    shown = {view["name"] for view in gallery["views"]}
+    iou = result.metrics.get("iou", {})
+    return {
+        "variant": variant,
+        "gallery": result.gallery,
+        "outlines": {view: path for view, path in outlines.items() if view in shown},
+        **{key: result.exhibit[key] for key in ("cameras", "up", "ahead")},
+        "iou": {view: round(value, 4) for view, value in iou.items()},
+        "held": list(result.held),
+        "curve": describe_curve(result.losses),
+        "published": None if result.published is None else describe_curve(result.published),
+        "placed": None if truth is None else _place_truth(result),
+    }
+
+
+def _tell_truths(results: Mapping[str, Result]) -> list[int]:
+    """The positions of the runs in whose worlds the truth lies otherwise than in those before."""
+    places = [_place_truth(result) for result in results.values()]
+    return [i for i, place in enumerate(places) if place not in places[:i]]
+
+
+def _place_truth(result: Result) -> list[float]:
+    """The matrix from the truth's world to the normalised one, a column after another, [16].
+
+    Metrics say how the mesh was laid on the truth, scale R X + t, if it was.
+    """
+    move = np.eye(4)
+    if (laid := result.metrics.get("placement")) is not None:
+        move[:3, :3] = laid["scale"] * np.array(laid["R"])
+        move[:3, 3] = laid["t"]
+    normalise = np.eye(4) * result.scene.told["scale"]
+    normalise[:3, 3] = -result.scene.told["scale"] * np.array(result.scene.told["centre"])
+    normalise[3, 3] = 1
+    return (normalise @ np.linalg.inv(move)).T.ravel().tolist()
+
+
+def _name_curves(results: Mapping[str, Result]) -> dict[str, pd.DataFrame]:
+    """The curves of the table, a published one below ours."""
+    curves = {}
+    for variant, result in results.items():
+        curves[variant] = result.losses
+        if result.published is not None:
+            last = result.losses["iteration"].iloc[-1]
+            curves[f"{variant}, published"] = result.published[
+                result.published["iteration"] <= last
+            ]
+    return curves
+
+
+def _align(told: Mapping[str, Mapping[str, Any]]) -> dict[str, list[Any]]:
+    """What is told of variants, a row a key: its values in the order of the variants, or None."""
+    keys = dict.fromkeys(key for values in told.values() for key in values)
+    return {key: [values.get(key) for values in told.values()] for key in keys}
+
+
+def _describe_scenes(scenes: Mapping[str, Scene], room: int) -> list[dict[str, Any]]:
     """What the template shows of the cameras of an object's variants, each scene once."""
     variants: dict[str, list[str]] = {}
     for variant, scene in scenes.items():
@@ -251,7 +317,7 @@ def _describe_scenes(scenes: Mapping[str, Scene]) -> list[dict[str, Any]]:
             "dropped": scene.told["dropped"],
             "warnings": scene.told["warnings"],
             "estimates": _show_estimates(scene.told["figures"].get("estimates", {})),
-            "picture": _embed_png(scene.picture.read_bytes()),
+            "picture": _embed_still(scene.picture, room),
         }
         for names in variants.values()
         for scene in [scenes[names[0]]]
@@ -276,17 +342,6 @@ def _show_estimates(estimates: Mapping[str, Mapping[str, Any]]) -> list[dict[str
     return rows
 
 
-def show(value: Any, metric: Metric) -> str:
-    """A metric's value as text; an en dash where there is none."""
-    if value is None or (isinstance(value, float) and math.isnan(value)):
-        return LACKING
-    if isinstance(value, str | bool):
-        return str(value)
-    if metric.form.endswith("d") and value != int(value):
-        return f"{value:.4g}"
-    return format(int(value) if metric.form.endswith("d") else value, metric.form)
-
-
 def describe_first(told: Mapping[str, Any]) -> dict[str, Any]:
     """What the page says of a first mesh, from its ``init.json``."""
     return {
@@ -297,12 +352,6 @@ def describe_first(told: Mapping[str, Any]) -> dict[str, Any]:
         },
         "warnings": told.get("warnings", []),
     }
-
-
-def is_incoherent(values: Mapping[str, Any]) -> bool:
-    """Whether the hull fills the silhouettes so badly that the cameras must contradict them."""
-    hull = values.get("hull_iou_mean")
-    return hull is not None and not hull >= COHERENT
 
 
 def run_settings(object_: str, variant: str, settings: Mapping[str, Any]) -> dict[str, Any]:
@@ -336,7 +385,7 @@ def _dotted(values: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]
 def _versions() -> dict[str, str]:
     """Versions of Python and of the libraries that decide the numbers, here and now."""
     found = {"Python": python_version()}
-    for name in LIBRARIES:
+    for name in PACKAGES:
         try:
             found[name] = version(name)
         except PackageNotFoundError:
@@ -344,25 +393,18 @@ def _versions() -> dict[str, str]:
     return found
 
 
-def _embed(kind: str, content: bytes) -> str:
-    return f"data:{kind};base64,{base64.b64encode(content).decode()}"
-
-
-def _embed_png(content: bytes) -> str:
-    return _embed("image/png", content)
-
-
-def _embed_sheet(sheet: Path) -> dict[str, str]:
-    """A sheet's name and picture; a JPEG, since it is made of photographs."""
-    stream = io.BytesIO()
-    with Image.open(sheet) as image:
-        image.convert("RGB").save(stream, "jpeg", quality=85)
-    return {"name": sheet.stem, "picture": _embed("image/jpeg", stream.getvalue())}
+def _embed_still(picture: Path, room: int) -> str | None:
+    """A picture as wide as it may be to fit in about so many bytes, or None."""
+    with Image.open(picture) as image:
+        sizes = [(width, round(image.height * width / image.width)) for width in WIDTHS]
+        fitting = [(w, h) for w, h in sizes if DENSE * w * h <= room and w <= image.width]
+        if not fitting:
+            return None
+        small = image.convert("RGB").resize(fitting[0], Image.Resampling.LANCZOS)
+    return f"data:image/webp;base64,{encode_webp(small, 70)}"
 
 
 def _embed_thumbnail(picture: Path) -> str:
     with Image.open(picture) as image:
         small = crop_thumbnail(image).resize((THUMBNAIL, THUMBNAIL), Image.Resampling.LANCZOS)
-    stream = io.BytesIO()
-    small.save(stream, "png", optimize=True)
-    return _embed_png(stream.getvalue())
+    return f"data:image/webp;base64,{encode_webp(small.convert('RGB'), 75)}"

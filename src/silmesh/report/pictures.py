@@ -29,6 +29,7 @@ OUTSIDE, INSIDE = np.array([0.84, 0.82, 0.78]), np.array([0.72, 0.36, 0.33])
 # Directions towards the lights, in the camera's x right, y down, z forward, and their strengths.
 LIGHTS = (((-0.45, -0.9, -0.6), 0.95), ((0.8, 0.1, -0.6), 0.35))
 AMBIENT = 0.12
+RELIGHT = 0.6  # share of the light that dims colours
 
 
 @dataclass(frozen=True)
@@ -109,6 +110,24 @@ def shade(mesh: trimesh.Trimesh, camera: Camera, hits: Hits, smooth: bool) -> np
 
     Faces that turn their inside to the camera are red.
     """
+    light, inside = _light(mesh, camera, hits, smooth)
+    image = np.broadcast_to(np.array(GROUND) / 255, (*hits.mask.shape, 3)).copy()
+    image[hits.mask] = np.where(inside[:, None], INSIDE, OUTSIDE) * light[:, None]
+    return image.clip(0, 1)
+
+
+def relight(image: np.ndarray, mesh: trimesh.Trimesh, camera: Camera, hits: Hits) -> np.ndarray:
+    """A painted mesh lit from beside the camera, its colours less dimmed than a shaded one's."""
+    light, _ = _light(mesh, camera, hits, smooth=True)
+    image = image.copy()
+    image[hits.mask] *= (1 - RELIGHT + RELIGHT * light)[:, None]
+    return image.clip(0, 1)
+
+
+def _light(
+    mesh: trimesh.Trimesh, camera: Camera, hits: Hits, smooth: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """How bright the mesh is in each pixel that sees it, and whether that sees its inside."""
     normals = mesh.face_normals[hits.faces]
     _, rays = camera.rays()
     inside = (normals * rays[hits.mask]).sum(axis=1) > 0
@@ -120,9 +139,7 @@ def shade(mesh: trimesh.Trimesh, camera: Camera, hits: Hits, smooth: bool) -> np
     light = np.full(len(seen), AMBIENT)
     for towards, strength in LIGHTS:
         light += strength * np.maximum(seen @ (np.array(towards) / np.linalg.norm(towards)), 0)
-    image = np.broadcast_to(np.array(GROUND) / 255, (*hits.mask.shape, 3)).copy()
-    image[hits.mask] = np.where(inside[:, None], INSIDE, OUTSIDE) * np.sqrt(light)[:, None]
-    return image.clip(0, 1)
+    return np.sqrt(light), inside
 
 
 def paint(mesh: trimesh.Trimesh, hits: Hits) -> np.ndarray:
@@ -225,7 +242,7 @@ def draw_view(
     """The pictures of one view: photograph, outlines, shaded, coloured, from above with edges."""
     left, top, side = frame(silhouette)
     near = camera.cropped(left, top, side, FINE * CELL)
-    photo = _read_on_ground(photograph).resize(
+    photo = read_on_ground(photograph).resize(
         (near.size, near.size), Image.Resampling.BICUBIC, box=(left, top, left + side, top + side)
     )
     hits = trace(mesh, near)
@@ -242,7 +259,8 @@ def draw_view(
     return [_shrink(cell) for cell in (photo, outlined, *drawn)]
 
 
-def _read_on_ground(path: Path) -> Image.Image:
+def read_on_ground(path: Path) -> Image.Image:
+    """A picture in RGB, what is transparent in the ground's colour."""
     with Image.open(path) as image:
         image = image.convert("RGBA")
     return Image.alpha_composite(Image.new("RGBA", image.size, GROUND), image).convert("RGB")

@@ -106,7 +106,7 @@ def draw_rings(
     """
     frusta = frusta_of(cameras)
     up = find_up(cameras)
-    ahead = _level(-frusta.apexes[0], up, cameras.R[0].numpy())
+    ahead = look_ahead(cameras, up)
     aside = np.cos(np.radians(ASIDE)) * ahead + np.sin(np.radians(ASIDE)) * np.cross(up, ahead)
     notes = list(_notes(len(cameras), frusta.nearer, list(dropped or {})))
     width, height = 2 * PANEL + 3 * GAP, HEADER + PANEL + GAP + len(notes) * LINE + GAP
@@ -197,6 +197,14 @@ def _label_ends(
             (x, y), text, fill=colour, font=font(13 * FINE), anchor=anchor,
             stroke_width=2 * FINE, stroke_fill=GROUND,
         )  # fmt: skip
+
+
+def look_ahead(cameras: Cameras, up: np.ndarray) -> np.ndarray:
+    """The level way in which the first camera looks at the object: a unit vector [3].
+
+    In the normalised world that is towards the origin; in any, its own axis is near enough.
+    """
+    return _level(cameras.R[0, 2].numpy(), up, cameras.R[0].numpy())
 
 
 def _level(towards: np.ndarray, up: np.ndarray, R: np.ndarray) -> np.ndarray:

@@ -7,7 +7,10 @@ from typing import Any
 
 import pandas as pd
 
+from silmesh.errors import InputError
+
 Run = tuple[str, str]  # object and variant
+PUBLISHED = ("object", "variant", "iteration", "loss")
 
 
 def read_losses(files: Mapping[Run, Path]) -> dict[Run, pd.DataFrame]:
@@ -18,6 +21,23 @@ def read_losses(files: Mapping[Run, Path]) -> dict[Run, pd.DataFrame]:
 def read_metrics(files: Mapping[Run, Path]) -> dict[Run, dict[str, Any]]:
     """The ``metrics.json`` of each run."""
     return {run: json.loads(file.read_text(encoding="utf-8")) for run, file in files.items()}
+
+
+def read_published(file: Path) -> dict[Run, pd.DataFrame]:
+    """Published curves: ``iteration`` and ``loss`` of each object and variant of a table.
+
+    Raises:
+        InputError: it cannot be read, or lacks a column
+    """
+    try:
+        table = pd.read_csv(file, dtype={"object": str, "variant": str})
+    except (OSError, ValueError) as error:
+        raise InputError(f"{file}: cannot be read as a table: {error}") from error
+    lacking = [column for column in PUBLISHED if column not in table]
+    if lacking:
+        raise InputError(f"{file}: lacks {', '.join(lacking)}; should have {', '.join(PUBLISHED)}")
+    curves = table.groupby(["object", "variant"], sort=False)
+    return {run: rows[["iteration", "loss"]].reset_index(drop=True) for run, rows in curves}
 
 
 def gather_losses(losses: Mapping[Run, pd.DataFrame]) -> pd.DataFrame:

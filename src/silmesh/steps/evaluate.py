@@ -82,7 +82,7 @@ def _read_last(path: Path) -> dict[str, str]:
 
 def _compare(
     mesh: trimesh.Trimesh, truth: trimesh.Trimesh, laid: bool
-) -> dict[str, bool | float | None]:
+) -> dict[str, bool | float | dict | None]:
     """Compare a mesh to the truth, after it was ``laid`` on it if that is asked for."""
     # What only a truth needs: libraries that take half a second of a run without one.
     from silmesh.alignment import align
@@ -92,7 +92,9 @@ def _compare(
         return compare_to_truth(mesh, truth)
     found = align(mesh, truth)
     moved = trimesh.Trimesh(found.apply(mesh.vertices), mesh.faces, process=False)
-    return {"aligned": True, "scale": found.scale, **compare_to_truth(moved, truth)}
+    placement = {"scale": found.scale, "R": found.R.tolist(), "t": found.t.tolist()}
+    told = {"aligned": True, "scale": found.scale, "placement": placement}
+    return told | compare_to_truth(moved, truth)
 
 
 if __name__ == "__main__":

@@ -1,11 +1,18 @@
-"""Draw the loss figure of one object, its variants overlaid."""
+"""Draw the figure of one object: the losses of its variants overlaid, and their meshes."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
 import pandas as pd
 
-from silmesh.report.figures import draw_losses, write_figure
+from silmesh.cameras.camera import read_cameras
+from silmesh.meshes import read_mesh
+from silmesh.report.comparison import Fit, draw_comparison
+from silmesh.report.figures import draw_figure, write_figure
+from silmesh.report.pictures import quarter_turn
+from silmesh.report.tables import read_published
+from silmesh.scene import SILHOUETTES, VIEWS
+from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import parser, run
 
 
@@ -14,14 +21,34 @@ def main(argv: Sequence[str] | None = None) -> None:
     args = parser(__doc__)
     args.add_argument("--object", required=True, help="its name, the title")
     args.add_argument("--losses", type=Path, nargs="+", required=True, help="loss.csv of each")
+    args.add_argument("--meshes", type=Path, nargs="+", required=True, help="the fitted meshes")
+    args.add_argument("--cameras", type=Path, nargs="+", required=True, help="their cameras.json")
+    args.add_argument("--scenes", type=Path, nargs="+", required=True, help="their scenes' folders")
     args.add_argument("--variants", nargs="+", required=True, help="their names, in that order")
     args.add_argument("--order", nargs="+", required=True, help="all variants; decides the colours")
+    args.add_argument("--published", type=Path, help="table of published curves")
+    args.add_argument("--curves", nargs="+", help="the published variant that each repeats")
     args.add_argument("--outputs", type=Path, nargs="+", required=True, help="to write: svg, png")
     given = args.parse_args(argv)
     losses = dict(zip(given.variants, map(pd.read_csv, given.losses), strict=True))
-    figure = draw_losses(given.object, losses, given.order)
+    published = {}
+    if given.published:
+        curves = read_published(given.published)
+        named = {v: (given.object, c) for v, c in zip(given.variants, given.curves, strict=True)}
+        published = {v: curves[key] for v, key in named.items() if key in curves}
+    fits = map(_read_fit, given.meshes, given.cameras, given.scenes)
+    figure = draw_figure(given.object, losses, given.order, draw_comparison(list(fits)), published)
     for output in given.outputs:
         write_figure(output, figure)
+
+
+def _read_fit(mesh: Path, cameras: Path, scene: Path) -> Fit:
+    """A fit with the two of its views that are drawn."""
+    known = read_cameras(cameras)
+    shown = known.select([0, quarter_turn(known)])
+    photographs = [scene / VIEWS / f"{view}.png" for view in shown.views]
+    silhouettes = read_silhouettes(scene / SILHOUETTES, shown.views)
+    return Fit(read_mesh(mesh), shown, photographs, silhouettes)
 
 
 if __name__ == "__main__":

@@ -1,13 +1,17 @@
-"""Draw a fitted mesh beside two of its photographs."""
+"""Draw a fit: beside two of its photographs, as it turns, and what the page shows of it."""
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 
 from silmesh.cameras.camera import read_cameras
 from silmesh.files import replacing
-from silmesh.meshes import read_mesh
+from silmesh.meshes import read_mesh, to_linear
+from silmesh.report.exhibit import describe_exhibit
 from silmesh.report.pictures import draw_picture, quarter_turn
-from silmesh.scene import SILHOUETTES, VIEWS
+from silmesh.report.rings import find_up, look_ahead
+from silmesh.report.turntable import draw_turn, write_gif, write_mp4
+from silmesh.scene import SILHOUETTES, VIEWS, read_scene
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import parser, run
 
@@ -15,18 +19,35 @@ from silmesh.steps.command import parser, run
 def main(argv: Sequence[str] | None = None) -> None:
     """Parse, load, call, save."""
     args = parser(__doc__)
-    args.add_argument("--mesh", type=Path, required=True, help="the fitted mesh")
+    args.add_argument("--mesh", type=Path, required=True, help="the fitted mesh, coloured")
+    args.add_argument("--first", type=Path, required=True, help="its first mesh")
     args.add_argument("--cameras", type=Path, required=True, help="cameras.json of its world")
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
+    args.add_argument("--sigma", type=float, required=True, help="as in the fit")
     args.add_argument("--output", type=Path, required=True, help="PNG to write")
+    args.add_argument("--gif", type=Path, required=True, help="turntable to write")
+    args.add_argument("--mp4", type=Path, required=True, help="the same as a film")
+    args.add_argument("--exhibit", type=Path, required=True, help="JSON for the page to write")
     given = args.parse_args(argv)
-    cameras = read_cameras(given.cameras)
+    mesh, cameras = read_mesh(given.mesh), read_cameras(given.cameras)
+    similarity = read_scene(given.scene)[1]
     shown = cameras.select([0, quarter_turn(cameras)])
     photographs = [given.scene / VIEWS / f"{view}.png" for view in shown.views]
     silhouettes = read_silhouettes(given.scene / SILHOUETTES, shown.views)
-    picture = draw_picture(read_mesh(given.mesh), shown, photographs, silhouettes)
+    picture = draw_picture(mesh, shown, photographs, silhouettes)
     with replacing(given.output) as part:
         picture.save(part, optimize=True)
+
+    up = find_up(cameras)
+    turn = draw_turn(mesh, up, look_ahead(cameras, up))
+    write_gif(given.gif, turn)
+    write_mp4(given.mp4, turn)
+
+    colours = to_linear(mesh.visual.vertex_colors[:, :3])
+    first = read_mesh(given.first)
+    exhibit = describe_exhibit(mesh, colours, first, cameras, similarity, given.sigma)
+    with replacing(given.exhibit) as part:
+        part.write_text(json.dumps(exhibit) + "\n")
 
 
 if __name__ == "__main__":

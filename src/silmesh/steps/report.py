@@ -1,59 +1,112 @@
 """Gather all runs' results in two tables and one page.
 
-A run is read from ``<results>/<object>/<variant>/`` (``loss.csv``, ``metrics.json``) and, in the
-folder of the page, from ``pictures/<object>/<variant>.png`` and ``figures/<object>.svg``; its scene
-from ``<results>/<object>/stages/scenes/<scene>/`` and ``cameras/<object>/<scene>.png``.
+The plan says which runs there are, what their stages are called, and the configuration. A run is
+read from ``<results>/<object>/<variant>/`` (``loss.csv``, ``metrics.json``) and, in the folder of
+the page, from ``pictures/<object>/<variant>.png`` and ``exhibits/<object>/<variant>.json``; its
+scene from ``<results>/<object>/stages/scenes/<scene>/`` and ``cameras/<object>/<scene>.png``, its
+photographs from ``galleries/<object>/<judged>.json``.
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
+
+import pandas as pd
 
 from silmesh.files import replacing
-from silmesh.report.page import Scene, write_page
-from silmesh.report.tables import gather_losses, gather_metrics, read_losses, read_metrics
+from silmesh.meshes import read_mesh
+from silmesh.report.page import Result, Scene, write_page
+from silmesh.report.tables import (
+    gather_losses,
+    gather_metrics,
+    read_losses,
+    read_metrics,
+    read_published,
+)
 from silmesh.scene import read_scene
 from silmesh.steps.command import parser, run
+from silmesh.views import held_out
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Parse, load, call, save."""
     args = parser(__doc__)
-    args.add_argument("--results", type=Path, required=True, help="folder of the results")
-    args.add_argument("--runs", nargs="+", required=True, help="OBJECT/VARIANT/SCENE, in order")
-    args.add_argument("--settings", required=True, help="JSON: configuration and objects")
-    args.add_argument("--sheets", nargs="*", type=Path, default=[], help="<object>/<how>.png each")
+    args.add_argument("--plan", type=Path, required=True, help="JSON: runs, settings, objects")
+    args.add_argument("--results", type=Path, default=Path("results"), help="their folder")
     args.add_argument("--losses", type=Path, required=True, help="losses.csv to write")
     args.add_argument("--summary", type=Path, required=True, help="summary.csv to write")
     args.add_argument("--page", type=Path, required=True, help="report.html to write")
     given = args.parse_args(argv)
-    scene_of = {(o, v): scene for o, v, scene in (run.split("/") for run in given.runs)}
-    runs = list(scene_of)
-    folders = {run: given.results / run[0] / run[1] for run in runs}
-    made = given.page.parent
+    plan = json.loads(given.plan.read_text(encoding="utf-8"))
+    folders = {(r["object"], r["variant"]): _folder(given.results, r) for r in plan["runs"]}
     losses = read_losses({run: folder / "loss.csv" for run, folder in folders.items()})
     metrics = read_metrics({run: folder / "metrics.json" for run, folder in folders.items()})
-    figures = {object_: made / "figures" / f"{object_}.svg" for object_, _ in runs}
-    pictures = {run: made / "pictures" / run[0] / f"{run[1]}.png" for run in runs}
-    scenes = {
-        run: Scene(
-            key,
-            read_scene(given.results / run[0] / "stages" / "scenes" / key)[2],
-            made / "cameras" / run[0] / f"{key}.png",
-        )
-        for run, key in scene_of.items()
+    made = given.page.parent
+    published = plan["configuration"].get("published")
+    curves = read_published(Path(published)) if published else {}
+    results = {
+        run: _read_result(told, given.results, made, metrics[run], curves)
+        for run, told in zip(folders, plan["runs"], strict=True)
     }
-    sheets = {
-        object_: [sheet for sheet in given.sheets if sheet.parent.name == object_]
-        for object_ in figures
-    }
-    page = write_page(metrics, figures, pictures, scenes, json.loads(given.settings), sheets)
+    keys = dict.fromkeys((r["object"], r["judged"]) for r in plan["runs"])
+    galleries = {key: _read_json(made / "galleries" / key[0] / f"{key[1]}.json") for key in keys}
+    truths = {o: given.results / o / "stages" / "truth.ply" for o in plan["truths"]}
+    page = write_page(results, galleries, plan, {o: read_mesh(file) for o, file in truths.items()})
     with replacing(given.losses) as part:
         gather_losses(losses).to_csv(part, index=False)
     with replacing(given.summary) as part:
         gather_metrics(metrics).to_csv(part, index=False)
     with replacing(given.page) as part:
         part.write_text(page, encoding="utf-8")
+
+
+def _folder(results: Path, told: Mapping[str, Any]) -> Path:
+    return results / told["object"] / told["variant"]
+
+
+def _read_result(
+    told: Mapping[str, Any],
+    results: Path,
+    made: Path,
+    metrics: Mapping[str, Any],
+    curves: Mapping[tuple[str, str], pd.DataFrame],
+) -> Result:
+    object_, variant = told["object"], told["variant"]
+    scene = read_scene(results / object_ / "stages" / "scenes" / told["scene"])[2]
+    judged = read_scene(results / object_ / "stages" / "judged" / told["judged"])[2]
+    world = {key: judged[key] for key in ("centre", "scale")}
+    return Result(
+        metrics,
+        pd.read_csv(_folder(results, told) / "loss.csv"),
+        made / "pictures" / object_ / f"{variant}.png",
+        _read_json(made / "exhibits" / object_ / f"{variant}.json"),
+        Scene(told["scene"], scene | world, made / "cameras" / object_ / f"{told['scene']}.png"),
+        told["judged"],
+        curves.get((object_, told["published"])),
+        _name_held(metrics, told["holdout"]),
+        _read_seconds(told["stages"]),
+    )
+
+
+def _name_held(metrics: Mapping[str, Any], holdout: int) -> list[str]:
+    """The views that were kept out of the fit."""
+    views = list(metrics.get("iou", {}))
+    return [views[i] for i in held_out(len(views), holdout)]
+
+
+def _read_json(file: Path) -> Any:
+    return json.loads(file.read_text(encoding="utf-8"))
+
+
+def _read_seconds(stages: Mapping[str, str]) -> dict[str, float]:
+    """How long the stages took, of those that say it: Snakemake's benchmarks."""
+    files = {stage: Path(file) for stage, file in stages.items()}
+    return {
+        stage: float(pd.read_csv(file, sep="\t")["s"].iloc[-1])
+        for stage, file in files.items()
+        if file.is_file()
+    }
 
 
 if __name__ == "__main__":

@@ -1,0 +1,50 @@
+// The photographs with the contours of the silhouette and of the fitted mesh over them.
+"use strict";
+
+silmesh.FATES = {
+  good: "good",
+  kept: "doubtful, kept",
+  repaired: "doubtful, repaired",
+  dropped: "doubtful, dropped",
+  lost: "no camera, left out",
+};
+
+silmesh.showGallery = function (box, select, data) {
+  function contour(name, d) {
+    const under = silmesh.make("path", { class: "under", d });
+    return d ? [under, silmesh.make("path", { class: name, d })] : [];
+  }
+
+  function show(view, run) {
+    const [x, y, width] = view.crop;
+    const fate = view.doubt ? view.fate : "good";
+    const iou = run.iou[view.name];
+    const said = [iou === undefined ? "" : `IoU ${iou.toFixed(3)}`];
+    if (run.held.includes(view.name)) said.push("held out of the fit");
+    const says = `${view.name}: ${silmesh.FATES[fate]}. ${view.doubt}`;
+    const picture = silmesh.make(
+      "svg",
+      { viewBox: `${x} ${y} ${width} ${width}`, role: "img", "aria-label": says },
+      silmesh.make("image", { x, y, width, height: width, href: `data:image/webp;base64,${view.photo}` }),
+      ...contour("before", view.before),
+      ...contour("silhouette", view.silhouette),
+      ...contour("mesh", run.outlines[view.name] ?? ""),
+    );
+    const caption = silmesh.make(
+      "figcaption", {},
+      silmesh.make("b", {}, view.name),
+      silmesh.make("span", { class: `fate ${fate}` }, silmesh.FATES[fate]),
+      silmesh.make("span", {}, said.filter(Boolean).join(", ")),
+      silmesh.make("span", { class: "doubt" }, view.doubt),
+    );
+    return silmesh.make("figure", { class: `view ${fate}` }, picture, caption);
+  }
+
+  function fill() {
+    const run = data.runs[select.value];
+    const gallery = data.galleries[run.gallery];
+    box.replaceChildren(...gallery.views.map((view) => show(view, run)));
+  }
+  select.addEventListener("change", fill);
+  fill();
+};

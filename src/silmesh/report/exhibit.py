@@ -1,0 +1,71 @@
+"""What the page shows of a fit in 3D and over its photographs, all at unit size.
+
+The meshes and cameras are in the scene's normalised world, in which the object reaches 0.5 from
+the origin, so that the fits of an object are seen at one scale.
+"""
+
+from typing import Any
+
+import numpy as np
+import torch
+import trimesh
+
+from silmesh.cameras.camera import Cameras, Similarity
+from silmesh.report.outlines import outline_path
+from silmesh.report.packing import encode_glb, pack
+from silmesh.report.rings import find_up, frusta_of, look_ahead
+from silmesh.softras import soft_silhouettes
+
+DIGITS = 3  # of the cameras' places, in units of the normalised world
+CHUNK = 16  # views rendered at once
+
+
+def describe_exhibit(
+    mesh: trimesh.Trimesh,
+    colours: np.ndarray,
+    first: trimesh.Trimesh,
+    cameras: Cameras,
+    similarity: Similarity,
+    sigma: float,
+) -> dict[str, Any]:
+    """What the page needs of a fit.
+
+    Args:
+        mesh: fitted, in the cameras' world
+        colours: [verts, 3] of its vertices, linear light in [0, 1]
+        first: the first mesh, in the normalised world
+        cameras: of the mesh's world
+        similarity: from that world to the normalised one
+        sigma: softness of the rendering, as in the fit
+    Returns:
+        ``fitted`` and ``first``: packed GLB; ``outlines``: a path for each view; ``up`` and
+        ``ahead``: unit vectors, where the first camera looks level; ``cameras``: ``views``,
+        ``apexes`` and ``corners`` of their frusta
+    """
+    place = similarity.apply(torch.tensor(np.asarray(mesh.vertices))).numpy()
+    frusta, up = frusta_of(cameras.in_world_of(similarity)), find_up(cameras)
+    return {
+        "fitted": pack(encode_glb(place, mesh.faces, colours)),
+        "first": pack(encode_glb(np.asarray(first.vertices), first.faces)),
+        "outlines": dict(zip(cameras.views, _outlines(mesh, cameras, sigma), strict=True)),
+        "up": up.tolist(),
+        "ahead": look_ahead(cameras, up).tolist(),
+        "cameras": {
+            "views": list(cameras.views),
+            "apexes": frusta.apexes.round(DIGITS).tolist(),
+            "corners": frusta.corners.round(DIGITS).tolist(),
+        },
+    }
+
+
+def _outlines(mesh: trimesh.Trimesh, cameras: Cameras, sigma: float) -> list[str]:
+    """The mesh's outline in each view: where the soft silhouette that is fitted passes a half."""
+    verts = torch.tensor(np.asarray(mesh.vertices), dtype=torch.float32)
+    faces = torch.tensor(np.asarray(mesh.faces), dtype=torch.int64)
+    paths = []
+    for start in range(0, len(cameras), CHUNK):
+        part = cameras.select(list(range(start, min(start + CHUNK, len(cameras)))))
+        width, height = part.sizes[0].tolist()
+        alpha = soft_silhouettes(part.project(verts), faces, (height, width), sigma=sigma)
+        paths += [outline_path(a) for a in alpha.numpy()]
+    return paths
