@@ -1,6 +1,8 @@
 """Small results from which the page is written: boxes on a turntable, drawn as the steps draw."""
 
+import io
 import json
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -80,3 +82,21 @@ def result(folder: Path, metrics: dict, sides=(0.5, 0.8, 0.4), gallery: str = GA
         gallery,
         **more,
     )
+
+
+def split_glb(glb):
+    """The tree and the buffer of a GLB."""
+    magic, version, whole = struct.unpack("<4sII", glb[:12])
+    assert (magic, version, whole) == (b"glTF", 2, len(glb))
+    head = struct.unpack("<I", glb[12:16])[0]
+    return json.loads(glb[20 : 20 + head]), glb[28 + head :]
+
+
+def read_glb(glb):
+    """The mesh of a GLB by trimesh, which leaves normalised whole numbers as they are."""
+    tree, _ = split_glb(glb)
+    mesh = trimesh.load(io.BytesIO(glb), file_type="glb", process=False).geometry.popitem()[1]
+    node = tree["nodes"][0]
+    most = 65535 if mesh.vertices.max() > 1 else 1
+    mesh.vertices = mesh.vertices / most * node["scale"] + node["translation"]
+    return mesh

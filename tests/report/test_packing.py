@@ -1,10 +1,9 @@
 """Packed data comes back, and the small glTF is what another reader of glTF reads."""
 
-import io
-
 import numpy as np
 import pytest
 import trimesh
+from pages import read_glb, split_glb
 
 from silmesh.report.packing import encode_glb, pack, pack_json, unpack
 
@@ -28,7 +27,7 @@ def test_another_reader_finds_the_mesh_where_it_was():
 def test_colours_are_kept_to_sixteen_bits():
     mesh = trimesh.creation.box()
     colours = np.linspace(0, 1, 24).reshape(8, 3)
-    tree, content = split(encode_glb(mesh.vertices, mesh.faces, colours))
+    tree, content = split_glb(encode_glb(mesh.vertices, mesh.faces, colours))
     view = tree["bufferViews"][tree["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"]]
     start = view["byteOffset"]
     stored = np.frombuffer(content[start : start + view["byteLength"]], "<u2").reshape(8, 4)
@@ -45,27 +44,6 @@ def test_many_vertices_take_wider_indices(count):
 
 
 def test_parts_begin_at_multiples_of_four():
-    tree, content = split(encode_glb(np.eye(3), np.array([[0, 1, 2]])))
+    tree, content = split_glb(encode_glb(np.eye(3), np.array([[0, 1, 2]])))
     assert all(view["byteOffset"] % 4 == 0 for view in tree["bufferViews"])
     assert tree["buffers"][0]["byteLength"] == len(content)
-
-
-def split(glb):
-    """The tree and the buffer of a GLB."""
-    import json
-    import struct
-
-    magic, version, whole = struct.unpack("<4sII", glb[:12])
-    assert (magic, version, whole) == (b"glTF", 2, len(glb))
-    head = struct.unpack("<I", glb[12:16])[0]
-    return json.loads(glb[20 : 20 + head]), glb[28 + head :]
-
-
-def read_glb(glb):
-    """The mesh of a GLB by trimesh, which leaves normalised whole numbers as they are."""
-    tree, _ = split(glb)
-    mesh = trimesh.load(io.BytesIO(glb), file_type="glb", process=False).geometry.popitem()[1]
-    node = tree["nodes"][0]
-    most = 65535 if mesh.vertices.max() > 1 else 1
-    mesh.vertices = mesh.vertices / most * node["scale"] + node["translation"]
-    return mesh

@@ -4,12 +4,14 @@ import json
 
 import pytest
 
+from silmesh.errors import InputError
 from silmesh.report.tables import (
     gather_losses,
     gather_metrics,
     objects_of,
     read_losses,
     read_metrics,
+    read_published,
 )
 
 HEADER = "iteration,loss,iou_loss,laplacian,flatten,seconds\n"
@@ -56,3 +58,21 @@ def test_metrics_are_columns_lacking_ones_empty_and_whole_numbers_whole(tmp_path
 
 def test_objects_and_variants_keep_their_order():
     assert objects_of(ROWS) == {"pot": ["plain", "fine-2"], "cup": ["plain"]}
+
+
+def test_published_curves_by_object_and_variant(tmp_path):
+    file = tmp_path / "published.csv"
+    file.write_text("object,variant,iteration,loss\npot,plain,0,0.9\npot,plain,100,0.5\n7,x,0,1\n")
+    curves = read_published(file)
+    assert list(curves) == [("pot", "plain"), ("7", "x")]
+    assert curves["pot", "plain"].to_dict("list") == {"iteration": [0, 100], "loss": [0.9, 0.5]}
+
+
+@pytest.mark.parametrize(
+    ("text", "message"), [("object,variant,loss\n", "lacks iteration"), ("", "cannot be read")]
+)
+def test_a_table_without_curves_is_refused(tmp_path, text, message):
+    file = tmp_path / "published.csv"
+    file.write_text(text)
+    with pytest.raises(InputError, match=message):
+        read_published(file)
