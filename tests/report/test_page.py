@@ -6,6 +6,7 @@ import re
 from html.parser import HTMLParser
 
 import numpy as np
+import pandas as pd
 import pytest
 from pages import GALLERY, box, gallery, result
 
@@ -132,6 +133,18 @@ def test_what_is_drawn_is_packed(page, parts):
     assert curve["loss"][0] == pytest.approx(0.7)
     assert unpack(packed["mesh-0-1-fitted"])[:4] == b"glTF"
     assert data["runs"][0]["placed"] is None
+
+
+def test_a_published_curve_is_drawn_and_told_up_to_where_ours_ends(parts):
+    results, galleries = parts
+    run = ("cup", "plain")
+    published = pd.DataFrame({"iteration": [0, 50, 2000], "loss": [0.9, 0.6, 0.1]})
+    repeated = dataclasses.replace(results[run], published=published)
+    page = write_page({run: repeated}, galleries, SETTINGS)
+    data = json.loads(unpack(Reader(page).packed["data-0"]))
+    assert data["runs"][0]["published"] == {"iteration": [0, 50, 2000], "loss": [0.9, 0.6, 0.1]}
+    row = re.search(r"plain, published</th>(.*?)</tr>", page, re.DOTALL)[1]
+    assert re.findall("<td>(.*?)</td>", row) == ["0.9000", "0.6000", "", "", "", "", ""]
 
 
 def test_the_truth_lies_in_the_normalised_world(parts):
