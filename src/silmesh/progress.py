@@ -1,26 +1,33 @@
 """A line now and then on standard output that says how far a long step is."""
 
+import os
 import sys
 import time
+
+EVERY = "SILMESH_PROGRESS"  # names the seconds between lines, which are then always written
 
 
 class Progress:
     """Progress of a step of a known length: a line every few seconds, and one at the end.
 
+    It is quiet where standard output is no terminal, unless ``$SILMESH_PROGRESS`` is set.
+
     Args:
-        what: names the step, for example ``fit apricot/auto``
+        what: the step and what it works on, for example ``fit apricot/auto``
         total: how many parts it has
         every: seconds between lines
     """
 
     def __init__(self, what: str, total: int, every: float = 5.0):
-        self._what, self._total, self._every = what, total, every
+        told = os.environ.get(EVERY)
+        self._what, self._total, self._every = what, total, float(told or every)
         self._start = self._last = time.monotonic()
+        self._quiet = not (told or sys.stdout.isatty())
 
     def __call__(self, done: int, detail: str = "") -> None:
         """Say that ``done`` parts are done, if it is time to."""
         now = time.monotonic()
-        if now - self._last < self._every and done < self._total:
+        if self._quiet or (now - self._last < self._every and done < self._total):
             return
         self._last = now
         passed = now - self._start

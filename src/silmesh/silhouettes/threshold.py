@@ -45,6 +45,20 @@ def separate(pixels: np.ndarray) -> np.ndarray:
     return _clean(contrast > level, contrast > max(noise, 2))
 
 
+def border_noise(pixels: np.ndarray) -> float:
+    """How far the border of an image strays from a plain background, for three quarters of it.
+
+    Args:
+        pixels: [height, width, 3] uint8
+    Returns:
+        grey levels
+    """
+    values = pixels.astype(np.float64)
+    border = _border(pixels.shape[:2])
+    contrast = np.abs(values - _ground(values, border)).max(axis=-1)
+    return float(np.percentile(contrast[border], 75))
+
+
 def _border(shape: tuple[int, int]) -> np.ndarray:
     """The pixels along the edge of an image: [height, width] bool."""
     width = max(1, round(BORDER * min(shape)))

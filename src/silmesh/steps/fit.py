@@ -43,7 +43,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     checkpoint = given.checkpoint and Checkpoint(given.checkpoint, (*parts, given.code))
     if checkpoint and checkpoint.read():
         print(f"{given.name}: goes on from {given.checkpoint}")
-    progress = Progress(given.name, settings.iterations)
+    progress = Progress(f"fit {given.name}", settings.iterations)
     with blaming(given.name):
         fit = procedure(*parts)
         records = run_fit(

@@ -1,0 +1,93 @@
+"""Writes a table and a configuration for a folder of folders, ready for ``snakemake``."""
+
+import os
+import shlex
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+from silmesh.cli.choose import choose_cameras, choose_silhouettes, look
+from silmesh.cli.photographs import find_masks, find_photographs, folders_within
+from silmesh.cli.workspace import CONFIG, TABLE, find_snakefile, to_name, write_table
+from silmesh.errors import InputError
+from silmesh.files import replacing
+
+SNAKEFILE = """\
+# The workflow of the silmesh that is installed, on the table and the configuration beside this.
+from silmesh.cli.workspace import find_snakefile
+
+
+configfile: "config.yaml"
+
+
+include: find_snakefile()
+"""
+CONFIGURATION = """\
+# What is made of every object of datasets.tsv; all keys are in silmesh's README.
+datasets: datasets.tsv
+views: {size: 256, resize: pad}   # the working images
+quality: {policy: auto}           # of views whose silhouette is doubtful: keep, drop, repair, auto
+variants:                         # experiments by name; each object runs every one
+  mesh:
+    init: {shape: hull}           # or sphere, ellipsoid, cylinder, cube, prism, auto
+    fit: {preset: fast}           # or softras: the report's procedure, slow
+"""
+PROFILE = Path("profiles/default/config.yaml")
+
+
+def write_project(folder: Path, force: bool) -> Iterator[str]:
+    """Write what ``snakemake`` needs into a folder of folders of photographs.
+
+    Args:
+        folder: each folder in it, but those of masks, has the photographs of one object
+        force: overwrite what is there
+    Yields:
+        lines that say what was chosen, and the next command
+
+    Raises:
+        InputError: there is no such folder in it, or one cannot be used, or files are there
+    """
+    within = folders_within(folder)
+    if not within:
+        raise InputError(
+            f"{folder}: has no folders with photographs, one for each object; "
+            f"`silmesh {folder} -o mesh.glb` makes the one of a folder of photographs"
+        )
+    made = [folder / name for name in ("Snakefile", TABLE, CONFIG, str(PROFILE))]
+    if there := [str(path) for path in made if path.exists() and not force]:
+        raise InputError(f"{', '.join(there)}: is there already; --force overwrites it")
+    rows = [_describe(path, folder) for path in within]
+    _refuse_equal_names(rows, within)
+    for row in rows:
+        yield f"{row['object']}: silhouettes {row['silhouettes']}, cameras {row['cameras']}"
+    write_table(folder / TABLE, rows)
+    for path, text in ((made[0], SNAKEFILE), (made[2], CONFIGURATION)):
+        with replacing(path) as part:
+            part.write_text(text)
+    with replacing(made[3]) as part:
+        shutil.copyfile(find_snakefile().parent / "workflow" / PROFILE, part)
+    yield f"written: {', '.join(map(str, made[:3]))}; look at the table, then:"
+    yield f"cd {shlex.quote(str(folder))} && snakemake --cores {os.cpu_count()}"
+
+
+def _describe(photographs: Path, folder: Path) -> dict[str, str]:
+    """An object's row of the table."""
+    files, _ = find_photographs([photographs])
+    masks, seen = find_masks(files), look(files)
+    row = {"object": to_name(photographs.name), "images": photographs.name}
+    if masks:
+        row["masks"] = os.path.relpath(masks[0].parent, folder)
+    row["silhouettes"], _ = choose_silhouettes(seen, bool(masks), str(photographs))
+    tries, _ = choose_cameras(seen)
+    return row | {"cameras": tries[0]}
+
+
+def _refuse_equal_names(rows: list[dict[str, str]], folders: list[Path]) -> None:
+    seen: dict[str, Path] = {}
+    for row, folder in zip(rows, folders, strict=True):
+        if row["object"] in seen:
+            raise InputError(
+                f"{folder}: would be the same object, {row['object']!r}, as "
+                f"{seen[row['object']]}; rename one with other letters or digits"
+            )
+        seen[row["object"]] = folder

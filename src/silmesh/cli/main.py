@@ -1,0 +1,172 @@
+"""The command line: ``silmesh PHOTOS...`` and ``silmesh init``."""
+
+import os
+import signal
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+from silmesh.errors import InputError
+
+# Heavier modules are imported where they are used, so that help and completion come at once.
+
+MAKE = "make"  # what is meant where no command is named
+WRONG, FAILED, STOPPED = 2, 1, 130  # exit statuses; 0 also where the mesh is doubtful
+
+
+class _Make(click.Command):
+    """The command without a name."""
+
+    def make_context(self, info_name: str | None, args: list[str], parent: Any = None, **extra):
+        return super().make_context(parent.info_name if parent else info_name, args, None, **extra)
+
+
+class _Commands(click.Group):
+    """Commands, of which ``make`` needs no name: its help is that of all."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        ours = {*self.commands, "--help", "-h", "--version"}
+        named = not args or args[0] in ours
+        return super().parse_args(ctx, args if named else [MAKE, *args])
+
+    def format_help(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        make = self.commands[MAKE]
+        inside = click.Context(make, info_name=ctx.info_name)
+        make.format_usage(inside, formatter)
+        make.format_help_text(inside, formatter)
+        make.format_options(inside, formatter)
+        self.format_commands(ctx, formatter)
+        self.format_epilog(ctx, formatter)
+
+    def shell_complete(self, ctx: click.Context, incomplete: str) -> list[Any]:
+        make = self.commands[MAKE]
+        inside = click.Context(make, info_name=ctx.info_name)
+        words = make.shell_complete(inside, incomplete)
+        if not incomplete.startswith("-"):
+            words += make.params[0].shell_complete(inside, incomplete)
+        return super().shell_complete(ctx, incomplete) + words
+
+
+HELP = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
+
+
+@click.group(
+    cls=_Commands,
+    context_settings=HELP,
+    epilog='Completion: eval "$(_SILMESH_COMPLETE=bash_source silmesh)" in ~/.bashrc; zsh_source '
+    "and fish_source likewise.",
+)
+@click.version_option(package_name="silmesh")
+def main() -> None:
+    """Photographs to meshes."""
+
+
+@main.command(MAKE, cls=_Make, hidden=True, context_settings=HELP)
+@click.argument("photos", nargs=-1, required=True, type=click.Path(path_type=Path, exists=True))
+@click.option(
+    "-o",
+    "--output",
+    type=click.Path(path_type=Path),
+    default="mesh.glb",
+    show_default=True,
+    help="The mesh to write: .glb or .obj with colours, .ply with colours, .stl.",
+)
+@click.option(
+    "--masks",
+    type=click.Path(path_type=Path),
+    help="Folder of masks, white on the object, named like the photographs. One named masks in or "
+    "beside their folder is found.",
+)
+@click.option(
+    "--silhouettes",
+    type=click.Choice(["mask", "alpha", "threshold", "matting", "deeplab"]),
+    help="Where the object's outline comes from. Chosen by what the photographs show.",
+)
+@click.option(
+    "--cameras",
+    metavar="SOURCE",
+    help="calibrate (the object turns), colmap (the camera moves), auto (the better of both), "
+    "turntable (known: --turntable) or file:PATH. Chosen by what the photographs show.",
+)
+@click.option(
+    "--turntable",
+    metavar="D,E,S",
+    default="",
+    help="What is known of it: distance, elevation, step from photograph to photograph, as ,,5 "
+    "for a step of 5 degrees.",
+)
+@click.option("--size", default=256, show_default=True, help="Pixels of the working images.")
+@click.option("--init", default="hull", show_default=True, help="First mesh: its shape.")
+@click.option(
+    "--preset",
+    type=click.Choice(["fast", "softras"]),
+    default="fast",
+    show_default=True,
+    help="How the mesh is fitted; softras is slow.",
+)
+@click.option(
+    "--quality",
+    type=click.Choice(["auto", "keep", "drop", "repair"]),
+    default="auto",
+    show_default=True,
+    help="What is done with photographs whose outline the others contradict.",
+)
+@click.option("--cores", type=click.IntRange(1), default=os.cpu_count(), help="Default: all.")
+@click.option(
+    "--keep",
+    type=click.Path(path_type=Path, file_okay=False),
+    help="Folder to work in, with all results and logs, in place of one in the cache.",
+)
+@click.option("--verbose", is_flag=True, help="Show all that the workflow says.")
+def make(photos: tuple[Path, ...], output: Path, keep: Path | None, **options: Any) -> None:
+    """Make a mesh of one object from its PHOTOS: a folder, or files.
+
+    Photograph the object all around, 20 to 100 times, whole and sharp: on a turntable before a
+    plain background, or walking around it. Then:
+
+        silmesh photos/ -o mesh.glb
+
+    What was made is kept in a cache, so the same command goes on where it was stopped, and another
+    option makes only what depends on it.
+    """
+    from silmesh.cli.make import make_mesh
+    from silmesh.cli.runner import RunError
+
+    signal.signal(signal.SIGTERM, _interrupt)
+    signal.signal(signal.SIGHUP, _interrupt)
+    try:
+        make_mesh(photos, output, keep, **options)
+    except InputError as error:
+        _end(str(error), WRONG)
+    except RunError as error:
+        _end(str(error), FAILED)
+    except KeyboardInterrupt:
+        _end("stopped; the same command goes on from here", STOPPED)
+
+
+@main.command(context_settings=HELP)
+@click.argument("folder", type=click.Path(path_type=Path, exists=True, file_okay=False))
+@click.option("--force", is_flag=True, help="Overwrite what is there.")
+def init(folder: Path, force: bool) -> None:
+    """Write a table and a configuration for a FOLDER of folders, each of one object's photographs.
+
+    They can be edited, and are run by `snakemake`.
+    """
+    from silmesh.cli.init import write_project
+
+    try:
+        for line in write_project(folder, force):
+            click.echo(line)
+    except InputError as error:
+        _end(str(error), WRONG)
+
+
+def _interrupt(*_: Any) -> None:
+    raise KeyboardInterrupt
+
+
+def _end(message: str, status: int) -> None:
+    click.echo(f"silmesh: {message}", err=True)
+    sys.exit(status)

@@ -1,0 +1,152 @@
+"""Makes one object's mesh: chooses sources, runs the workflow, and says what it came to."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from silmesh.cli.bar import Bar
+from silmesh.cli.choose import COHERENT, choose_cameras, choose_silhouettes, look
+from silmesh.cli.outcome import describe, export, find_doubts, refuse_suffix
+from silmesh.cli.photographs import find_masks, find_photographs
+from silmesh.cli.runner import RunError, Runner
+from silmesh.cli.workspace import Workspace, place_of
+from silmesh.errors import InputError
+
+RESULTS = ("mesh.glb", "mesh.obj", "metrics.json")
+
+
+def make_mesh(
+    paths: Sequence[Path],
+    output: Path,
+    keep: Path | None,
+    *,
+    masks: Path | None,
+    silhouettes: str | None,
+    cameras: str | None,
+    cores: int,
+    verbose: bool,
+    **options: Any,
+) -> None:
+    """Make a mesh of the photographs that a person names.
+
+    Args:
+        paths: a folder, or files
+        output: the mesh to write
+        keep: the folder to work in; None for one in the cache
+        masks: their folder; None where they are not given
+        silhouettes, cameras: sources; None where they are to be chosen
+        options: of the configuration: ``turntable``, ``size``, ``init``, ``preset``, ``quality``
+
+    Raises:
+        InputError: what is named cannot be used
+        RunError: a step of the workflow failed
+    """
+    refuse_suffix(output)
+    files, notes = find_photographs(paths)
+    found = find_masks(files, masks) if silhouettes in (None, "mask") else []
+    _say(f"{len(files)} photographs", *notes)
+    silhouettes, tries = _choose(files, bool(found), silhouettes, cameras)
+    place, name = place_of(paths)
+    work = Workspace((keep or place).absolute(), name, tuple(files), tuple(found))
+    if before := work.prepare():
+        _say(f"the results in {work.folder} are of silmesh {before}; what changed is made anew")
+    runner = Runner(work.folder, cores, verbose)
+    bar = Bar(len(files), silhouettes)
+    try:
+        variant = _try(work, runner, bar, silhouettes, tries, options)
+    finally:
+        bar.close()
+    export(work.folder / work.result(variant, ""), output)
+    metrics = _read(work, variant)
+    click.echo(describe(output, metrics))
+    for doubt in find_doubts(metrics, work.folder / "results"):
+        _say(f"doubtful: {doubt}")
+
+
+def _choose(
+    files: Sequence[Path], masked: bool, silhouettes: str | None, cameras: str | None
+) -> tuple[str, tuple[str, ...]]:
+    """The source of silhouettes and those of cameras, given or chosen, which is said."""
+    if silhouettes and cameras:
+        return silhouettes, (cameras,)
+    seen = look(files)
+    tries = (cameras,) if cameras else ()
+    if not silhouettes:
+        silhouettes, why = choose_silhouettes(seen, masked, str(files[0].parent))
+        _say(f"silhouettes: {silhouettes} ({why})")
+    if not tries:
+        tries, why = choose_cameras(seen)
+        _say(f"cameras: {tries[0]} ({why})")
+    return silhouettes, tries
+
+
+def _try(
+    work: Workspace,
+    runner: Runner,
+    bar: Bar,
+    silhouettes: str,
+    tries: Sequence[str],
+    options: dict[str, Any],
+) -> str:
+    """Try sources of cameras until the silhouettes agree with one: the variant that came of it.
+
+    Raises:
+        RunError: none gave a mesh
+    """
+    made, failure = None, None
+    for cameras in tries:
+        try:
+            variant = _run(work, runner, bar, silhouettes, cameras, options)
+        except RunError as error:
+            failure = RunError(work.restore(str(error)))
+        else:
+            made = variant
+            coherence = _read(work, made)["hull_iou_mean"]
+            if coherence >= COHERENT:
+                break
+        if cameras != tries[-1]:
+            why = str(failure) if made is None else f"hull IoU {coherence:.2f}"
+            bar.say(f"silmesh: cameras {cameras!r} do not suit these photographs ({why}); trying")
+    if made is None:
+        raise failure
+    return made
+
+
+def _run(
+    work: Workspace,
+    runner: Runner,
+    bar: Bar,
+    silhouettes: str,
+    cameras: str,
+    options: dict[str, Any],
+) -> str:
+    """Run the workflow with a source of cameras: the variant, which is named after it."""
+    kind, _, path = cameras.partition(":")
+    where = f"{kind}:{Path(path).absolute()}" if path else cameras
+    variant = kind if kind.isidentifier() else "mesh"
+    row = {"silhouettes": silhouettes, "cameras": where, "turntable": options["turntable"]}
+    values = {
+        "views": {"size": options["size"]},
+        "quality": {"policy": options["quality"]},
+        "variants": {
+            variant: {"init": {"shape": options["init"]}, "fit": {"preset": options["preset"]}}
+        },
+    }
+    try:
+        work.configure(row, values)
+    except InputError as error:
+        raise InputError(work.restore(str(error))) from error
+    runner.run([work.result(variant, name) for name in RESULTS], bar)
+    return variant
+
+
+def _read(work: Workspace, variant: str) -> dict[str, Any]:
+    return json.loads((work.folder / work.result(variant, "metrics.json")).read_text())
+
+
+def _say(*lines: str) -> None:
+    for line in lines:
+        click.echo(f"silmesh: {line}", err=True)
