@@ -52,6 +52,7 @@ class Bar:
             file=stream,
             disable=None,
             leave=False,
+            nrows=20,  # a terminal that does not say how high it is hides no line
             bar_format="{desc} {percentage:3.0f}% |{bar:20}| {postfix}",
         )
 
