@@ -1,5 +1,6 @@
 """Imports go one way: the steps stand on the stages, these on the ground floor.
 
+    cli                                               the command, which starts the workflow
     steps                                             what a rule calls
     views  silhouettes  cameras  scene  shapes ...    stages, which do not stand on each other
     cameras.camera  cameras.lens  straighten  softras  hull  remesh  the ground floor
@@ -74,7 +75,9 @@ def modules_of(parts: set[str], without: set[str] = frozenset()) -> list[str]:
 
 
 def test_every_module_has_its_floor():
-    assert modules_of(set(IMPORTS) - {""}, BASE | GROUND | STAGES | PLANNING | {"steps"}) == []
+    assert (
+        modules_of(set(IMPORTS) - {""}, BASE | GROUND | STAGES | PLANNING | {"steps", "cli"}) == []
+    )
 
 
 @pytest.mark.parametrize("name", modules_of(GROUND))
@@ -92,6 +95,11 @@ def test_a_stage_stands_on_the_ground_floor_and_not_on_another(name):
 @pytest.mark.parametrize("name", modules_of(PLANNING))
 def test_what_the_snakefile_reads_imports_no_step(name):
     assert strays(name, BASE | STAGES | PLANNING) == []
+
+
+@pytest.mark.parametrize("name", modules_of({"cli"}))
+def test_the_command_imports_no_step(name):
+    assert strays(name, BASE | STAGES | PLANNING | {"cli"}) == []
 
 
 def test_nothing_imports_snakemake():

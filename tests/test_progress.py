@@ -1,17 +1,18 @@
 import pytest
 
-from silmesh.progress import Progress
+from silmesh.progress import EVERY, Progress
 
 
 @pytest.fixture
 def clock(monkeypatch):
     now = [0.0]
     monkeypatch.setattr("time.monotonic", lambda: now[0])
+    monkeypatch.setenv(EVERY, "5")
     return now
 
 
 def test_a_line_every_few_seconds_and_one_at_the_end(clock, capsys):
-    progress = Progress("fit a/b", total=100, every=5)
+    progress = Progress("fit a/b", total=100)
     for i in range(1, 101):
         clock[0] = i * 0.12
         progress(i, f"loss {1 / i:.2f}")
@@ -27,3 +28,10 @@ def test_a_short_step_says_only_that_it_is_done(clock, capsys):
     progress(0)
     progress(2)
     assert capsys.readouterr().out == "masks: 2/2, done in 0.0 s\n"
+
+
+def test_it_is_quiet_where_nobody_watches(clock, capsys, monkeypatch):
+    monkeypatch.delenv(EVERY)
+    progress = Progress("masks", total=2)
+    progress(2)
+    assert capsys.readouterr().out == ""

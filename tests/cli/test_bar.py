@@ -1,0 +1,88 @@
+import io
+
+import pytest
+
+from silmesh.cli.bar import OTHER, SECONDS, START, Bar, say_seconds, shorten
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("time.monotonic", lambda: now[0])
+    return now
+
+
+def test_share_and_time_follow_what_steps_usually_take(clock):
+    bar = Bar(views=0, source="mask", stream=Terminal())
+    bar.plan({"views": 1, "fit": 1, "another": 1})
+    total = SECONDS["views"][0] + SECONDS["fit"][0] + OTHER[0]
+    assert bar.share == 0
+    assert bar.seconds_left == pytest.approx(total)
+    bar.begin("3", "resizing its photographs")
+    clock[0] = 2 * SECONDS["views"][0]  # this machine takes twice as long
+    bar.finish("3", "views")
+    done = SECONDS["views"][0]
+    assert bar.share == pytest.approx(done / total)
+    assert bar.seconds_left == pytest.approx((total - done) * (2 * done + START) / (done + START))
+    bar.go_on("fit", 0.5)
+    assert bar.share == pytest.approx((done + SECONDS["fit"][0] / 2) / total)
+    bar.finish("1", "fit")
+    bar.finish("2", "another")
+    assert bar.share == 1
+    assert bar.seconds_left == 0
+
+
+def test_what_is_drawn(clock):
+    terminal = Terminal()
+    bar = Bar(views=0, source="mask", stream=terminal)
+    bar.plan({"fit": 2})
+    bar.begin("1", "fitting")
+    bar.finish("1", "fit")
+    bar.begin("2", "evaluating")
+    bar.close()
+    last = terminal.getvalue().split("\r")
+    assert any(line.startswith("fitting ") and "  0% |" in line for line in last)
+    assert any(line.startswith("evaluating ") and " 50% |" in line for line in last)
+    assert any(f"about {SECONDS['fit'][0] * START / (8 + START):.0f} s left" in x for x in last)
+
+
+def test_it_is_quiet_where_nobody_watches():
+    stream = io.StringIO()
+    bar = Bar(views=3, source="mask", stream=stream)
+    bar.plan({"fit": 2})
+    bar.begin("1", "fitting")
+    bar.close()
+    assert stream.getvalue() == ""
+
+
+def test_a_network_takes_its_time():
+    slow, quick = (Bar(100, source, io.StringIO()) for source in ("matting", "mask"))
+    for bar in (slow, quick):
+        bar.plan({"silhouettes": 1})
+    assert slow.seconds_left > 50 * quick.seconds_left
+
+
+@pytest.mark.parametrize(
+    ("seconds", "said"), [(12.4, "12 s"), (99.9, "100 s"), (100, "2 min"), (9000, "2.5 h")]
+)
+def test_times_in_words(seconds, said):
+    assert say_seconds(seconds) == said
+
+
+@pytest.mark.parametrize(
+    ("message", "said"),
+    [
+        ("cup: resizing its photographs", "resizing its photographs"),
+        ("cup/mesh: fitting", "fitting"),
+        ("cup: finding cameras from silhouettes by threshold", "finding cameras from silhouettes"),
+        ("cup: making the first mesh 256-pad-mask-calibrate-keep-3-hull", "making the first mesh"),
+        ("fetching the weights of isnet, unless the cache has them",) * 2,
+    ],
+)
+def test_messages_without_keys(message, said):
+    assert shorten(message) == said

@@ -1,0 +1,69 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from silmesh.cli.outcome import describe, export, find_doubts, refuse_suffix
+from silmesh.errors import InputError
+from silmesh.meshes import write_coloured
+
+GOOD = {
+    "iou_mean": 0.9924,
+    "iou_min": 0.9858,
+    "iou": {"a": 0.999, "b": 0.9858},
+    "hull_iou_mean": 0.987,
+    "views": 72,
+    "views_dropped": 0,
+    "faces": 2696,
+    "watertight": True,
+    "silhouettes": "cup/stages/judged/x/silhouettes",
+}
+
+
+def test_a_good_mesh():
+    assert describe(Path("m.glb"), GOOD) == (
+        "m.glb: good; its outline is the object's to 99.2% (IoU) in 72 photographs, 98.6% in the "
+        "worst; 2,696 triangles, closed"
+    )
+    assert find_doubts(GOOD, Path("results")) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "advice"),
+    [
+        ({"hull_iou_mean": 0.71, "iou_mean": 0.7}, "no body fills more than 71% of these"),
+        ({"iou_mean": 0.9}, "the fit ended early: try --init auto"),
+        ({"iou": {"a": 0.99, "b": 0.3, "c": 0.8}}, "misses the object in b, c: look at their"),
+        ({"views": 50, "views_dropped": 22}, "22 of 72 photographs are left out"),
+        ({"watertight": False}, "not closed: try --init ellipsoid"),
+    ],
+)
+def test_what_is_doubtful_is_said_with_what_to_do(change, advice):
+    metrics = GOOD | change
+    (doubt,) = find_doubts(metrics, Path("/r"))
+    assert advice in doubt
+    assert ": doubtful; " in describe(Path("m.glb"), metrics)
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".obj", ".ply", ".stl", ".PLY"])
+def test_every_format_holds_the_mesh(tmp_path, suffix):
+    box = trimesh.creation.box((1, 2, 3))
+    colours = np.uint8([[10 * i, 200, 30] for i in range(8)])
+    write_coloured([tmp_path / "mesh.obj", tmp_path / "mesh.glb"], box, colours)
+    output = tmp_path / "out" / f"m{suffix}"
+    export(tmp_path, output)
+    mesh = trimesh.load_mesh(output)
+    np.testing.assert_allclose(mesh.extents, (1, 2, 3), atol=1e-6)
+    assert mesh.volume == pytest.approx(6)
+    if suffix.lower() == ".ply":
+        assert (mesh.visual.vertex_colors[:, :3] == colours).all()
+    assert [path.name for path in output.parent.iterdir()] == [output.name]
+
+
+def test_an_unknown_ending_and_a_folder_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"m.fbx: should end in .glb, .obj, .ply, .stl"):
+        refuse_suffix(Path("m.fbx"))
+    (tmp_path / "m.glb").mkdir()
+    with pytest.raises(InputError, match=r"m.glb: is a folder"):
+        refuse_suffix(tmp_path / "m.glb")
