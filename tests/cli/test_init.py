@@ -1,0 +1,69 @@
+import pytest
+from PIL import Image
+
+from silmesh.cli.init import write_project
+from silmesh.datasets import read_datasets
+from silmesh.errors import InputError
+from silmesh.plan import Plan
+
+
+@pytest.fixture
+def folder(tmp_path):
+    for name in ("my cup", "jug", "masks"):
+        (tmp_path / name).mkdir()
+        for i in range(3):
+            image = Image.new("RGB", (40, 30))
+            image.paste((200, 100, 50), (10, 10, 20 + i, 20))
+            image.save(tmp_path / name / f"{name[-3:]}_{i}.png")
+    for file in (tmp_path / "masks").iterdir():
+        file.rename(file.with_name(file.name.replace("sks", "jug")))
+    return tmp_path
+
+
+def test_a_table_and_a_configuration_that_can_be_run(folder, monkeypatch):
+    said = list(write_project(folder, force=False))
+    assert said[:2] == [
+        "jug: silhouettes mask, cameras calibrate",
+        "my_cup: silhouettes threshold, cameras calibrate",
+    ]
+    assert said[-1].startswith(f"cd {folder} && snakemake --cores ")
+    jug, cup = read_datasets(folder / "datasets.tsv")
+    assert [mask.name for mask in jug.masks] == ["jug_0.png", "jug_1.png", "jug_2.png"]
+    assert cup.images[0] == folder / "my cup/cup_0.png"
+    import yaml
+
+    monkeypatch.chdir(folder)
+    plan = Plan(yaml.safe_load((folder / "config.yaml").read_text()), "config.yaml")
+    assert [(run.dataset.object, run.variant) for run in plan.runs] == [
+        ("jug", "mesh"),
+        ("my_cup", "mesh"),
+    ]
+    assert {path.name for path in folder.iterdir() if path.is_file()} == {
+        "Snakefile",
+        "config.yaml",
+        "datasets.tsv",
+    }
+
+
+def test_nothing_is_overwritten_unless_told(folder):
+    (folder / "config.yaml").write_text("mine")
+    with pytest.raises(InputError, match=r"config.yaml: is there already; --force overwrites it"):
+        list(write_project(folder, force=False))
+    assert (folder / "config.yaml").read_text() == "mine"
+    assert not (folder / "datasets.tsv").exists()
+    list(write_project(folder, force=True))
+    assert (folder / "config.yaml").read_text() != "mine"
+
+
+def test_folders_of_one_name_are_refused(folder):
+    (folder / "my cup").rename(folder / "a b")
+    for i in range(3):
+        (folder / "a+b").mkdir(exist_ok=True)
+        Image.new("RGB", (40, 30)).save(folder / f"a+b/{i}.png")
+    with pytest.raises(InputError, match=r"a\+b: would be the same object, 'a_b', as .*a b"):
+        list(write_project(folder, force=False))
+
+
+def test_a_folder_of_photographs_is_one_object(folder):
+    with pytest.raises(InputError, match=r"has no folders with photographs.* `silmesh .*my cup"):
+        list(write_project(folder / "my cup", force=False))

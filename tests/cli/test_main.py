@@ -1,0 +1,148 @@
+"""The command line itself: help, completion, exit statuses; and a whole run, slow."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+import pytest
+import trimesh
+from click.shell_completion import ShellComplete
+from click.testing import CliRunner
+from PIL import Image
+from scenes import silhouettes, turntable
+
+from silmesh.cli.main import main
+from silmesh.config import FITS, Policy, SilhouetteSource
+
+SOURCE = Path(__file__).parents[2] / "src"
+COMMAND = [sys.executable, "-c", "from silmesh.cli.main import main; main(prog_name='silmesh')"]
+VIEWS = 12
+
+
+def call(*arguments) -> tuple[int, str]:
+    done = CliRunner().invoke(main, list(map(str, arguments)), prog_name="silmesh")
+    return done.exit_code, done.output
+
+
+def complete(*words: str) -> list[str]:
+    *before, last = words
+    found = ShellComplete(main, {}, "silmesh", "_X").get_completions(before, last)
+    return [item.value if item.type == "plain" else item.type for item in found]
+
+
+def test_help_begins_with_what_a_newcomer_needs():
+    status, said = call("--help")
+    assert status == 0
+    assert said.startswith("Usage: silmesh [OPTIONS] PHOTOS...\n")
+    assert "silmesh photos/ -o mesh.glb" in said
+    assert "--output" in said
+    assert "init" in said
+    assert "make " not in said.split("Commands:")[1]
+    assert call("-h") == (status, said)
+
+
+def test_usage_never_names_the_command_that_needs_no_name(tmp_path):
+    assert call("--size", "x", tmp_path)[1].startswith("Usage: silmesh [OPTIONS] PHOTOS...")
+    assert call(tmp_path / "no")[0] == 2
+
+
+def test_completion_of_words_and_options():
+    assert complete("in")[0] == "init"
+    assert "--cores" in complete("--co")
+    assert "--silhouettes" in complete("photos", "--sil")
+    assert complete("photos", "--silhouettes", "ma") == ["mask", "matting"]
+    assert complete("init", "--fo") == ["--force"]
+    assert "file" in complete("pho") or "dir" in complete("pho")
+
+
+def test_choices_are_those_of_the_configuration():
+    make = {option.name: option for option in main.commands["make"].params}
+    assert set(make["silhouettes"].type.choices) == set(get_args(SilhouetteSource))
+    assert set(make["preset"].type.choices) == set(FITS)
+    assert set(make["quality"].type.choices) == set(get_args(Policy))
+
+
+def test_what_is_wrong_is_one_line_and_status_2(tmp_path):
+    status, said = call(tmp_path)
+    assert status == 2
+    assert said.startswith(f"silmesh: {tmp_path}: has no photograph")
+    assert said.count("\n") == 1
+
+
+def photograph(folder: Path) -> Path:
+    """Photographs of an ellipsoid with unequal axes on a turntable, before a plain background."""
+    folder.mkdir()
+    cameras = turntable(VIEWS, 64, elevation=10)
+    shown = silhouettes(cameras, (0.45, 0.3, 0.2))
+    for i, silhouette in enumerate(shown):
+        pixels = np.full((64, 64, 3), 20, np.uint8)
+        pixels[silhouette] = (200, 120, 40)
+        Image.fromarray(pixels).save(folder / f"r{i}.png")
+    return folder
+
+
+def start(cwd: Path, *arguments):
+    kept = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "SILMESH_PROGRESS")}
+    settings = {"PYTHONPATH": str(SOURCE), "SILMESH_CACHE": str(cwd / "cache")}
+    return subprocess.Popen(
+        [*COMMAND, *map(str, arguments), "--size", "64"],
+        cwd=cwd,
+        env=kept | settings,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+
+
+def run(cwd: Path, *arguments) -> tuple[int, str, str]:
+    process = start(cwd, *arguments)
+    said, told = process.communicate(timeout=600)
+    return process.returncode, said, told
+
+
+@pytest.mark.slow
+def test_photographs_to_a_mesh_and_on_after_an_interruption(tmp_path):
+    photos = photograph(tmp_path / "my photos")
+    known = "--cameras", "turntable", "--turntable", "2.732,10,30"
+
+    stopped = start(tmp_path, photos, *known)
+    views = tmp_path / "cache"
+    until = time.monotonic() + 120
+    while not list(views.rglob("views.json")):
+        assert time.monotonic() < until
+        time.sleep(0.1)
+    stopped.send_signal(signal.SIGTERM)
+    _, told = stopped.communicate(timeout=60)
+    assert stopped.returncode == 130
+    assert told.endswith("silmesh: stopped; the same command goes on from here\n")
+    assert not (tmp_path / "mesh.glb").exists()
+
+    (made,) = views.rglob("views.json")
+    before = made.stat().st_mtime_ns
+    status, said, told = run(tmp_path, photos, *known)
+    assert status == 0, told
+    assert made.stat().st_mtime_ns == before
+    assert said.startswith("mesh.glb: good; its outline is the object's to 9")
+    assert said.count("\n") == 1
+    assert "silhouettes: threshold (the background is plain" in told
+    assert "%" not in told  # no bar where nobody watches
+    assert "Traceback" not in told
+    mesh = trimesh.load_mesh(tmp_path / "mesh.glb")
+    assert mesh.volume == pytest.approx(4 / 3 * np.pi * 0.45 * 0.3 * 0.2, rel=0.1)
+
+    (log,) = (tmp_path / "cache").rglob("logs/fit/*.log")
+    assert log.read_text().startswith("# cd ")
+    assert " -m silmesh.steps.fit --first " in log.read_text().splitlines()[0]
+
+    Image.new("RGB", (64, 64), (20, 20, 20)).save(photos / "r3.png")
+    status, said, told = run(tmp_path, photos, *known, "--quality", "keep", "-o", "other.stl")
+    assert status == 1
+    last = told.splitlines()[-1]
+    assert last.startswith(f"silmesh: {photos}/r3.png: view 'r3', silhouettes from 'threshold': ")
+    assert said == ""
+    assert not (tmp_path / "other.stl").exists()
