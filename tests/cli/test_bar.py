@@ -2,7 +2,7 @@ import io
 
 import pytest
 
-from silmesh.cli.bar import OTHER, SECONDS, START, Bar, say_seconds, shorten
+from silmesh.cli.bar import LATE, OTHER, SECONDS, START, Bar, say_seconds, shorten
 
 
 class Terminal(io.StringIO):
@@ -19,20 +19,32 @@ def clock(monkeypatch):
 
 def test_share_and_time_follow_what_steps_usually_take(clock):
     bar = Bar(views=0, source="mask", stream=Terminal())
+    views, fit, other = SECONDS["views"][0], SECONDS["fit"][0], OTHER[0]
     bar.plan({"views": 1, "fit": 1, "another": 1})
-    total = SECONDS["views"][0] + SECONDS["fit"][0] + OTHER[0]
     assert bar.share == 0
-    assert bar.seconds_left == pytest.approx(total)
+    assert bar.seconds_left == pytest.approx(views + fit + other)
     bar.begin("3", "resizing its photographs")
-    clock[0] = 2 * SECONDS["views"][0]  # this machine takes twice as long
+    clock[0] = 2 * views  # this machine takes twice as long
     bar.finish("3", "views")
-    done = SECONDS["views"][0]
-    assert bar.share == pytest.approx(done / total)
-    assert bar.seconds_left == pytest.approx((total - done) * (2 * done + START) / (done + START))
+    pace = (2 * views + START) / (views + START)
+    assert bar.share == pytest.approx(views / (views + fit + other))
+    assert bar.seconds_left == pytest.approx((fit + other) * pace)
+
+
+def test_a_step_at_work_counts_by_the_clock_until_it_says_how_far_it_is(clock):
+    bar = Bar(views=0, source="mask", stream=Terminal())
+    fit = SECONDS["fit"][0]
+    bar.plan({"fit": 1})
+    bar.begin("1", "fitting")
+    bar.name("1", "fit")
+    clock[0] = fit / 4
+    assert bar.seconds_left == pytest.approx(0.75 * fit)
+    assert bar.share == pytest.approx(0.25)
+    clock[0] = 5 * fit  # late: it may end at any time
+    assert bar.seconds_left == pytest.approx(LATE * fit)
     bar.go_on("fit", 0.5)
-    assert bar.share == pytest.approx((done + SECONDS["fit"][0] / 2) / total)
+    assert bar.seconds_left == pytest.approx(5 * fit)
     bar.finish("1", "fit")
-    bar.finish("2", "another")
     assert bar.share == 1
     assert bar.seconds_left == 0
 
@@ -45,10 +57,9 @@ def test_what_is_drawn(clock):
     bar.finish("1", "fit")
     bar.begin("2", "evaluating")
     bar.close()
-    last = terminal.getvalue().split("\r")
-    assert any(line.startswith("fitting ") and "  0% |" in line for line in last)
-    assert any(line.startswith("evaluating ") and " 50% |" in line for line in last)
-    assert any(f"about {SECONDS['fit'][0] * START / (8 + START):.0f} s left" in x for x in last)
+    drawn = [line.rstrip() for line in terminal.getvalue().split("\r")]
+    assert f"  0% |{' ' * 20}| fitting, about {2 * SECONDS['fit'][0]:.0f} s left" in drawn
+    assert any(line.startswith(" 50% |██████████          | evaluating, about ") for line in drawn)
 
 
 def test_it_is_quiet_where_nobody_watches():

@@ -23,6 +23,7 @@ Finished jobid: 5 (Rule: views)
 
 [Tue Nov 24 20:00:24 2026]
 Job 1: cup/mesh: fitting
+Shell command: python -m silmesh.steps.fit --first results/cup/stages/first/x/first.ply
 fit cup/mesh: 150/600, loss 0.0160, 31 s left
 """
 FAILURE = """\
@@ -63,6 +64,7 @@ def test_how_far_a_run_is():
         ("begin", "5", "resizing its photographs"),
         ("finish", "5", "views"),
         ("begin", "1", "fitting"),
+        ("name", "1", "fit"),
         ("go_on", "fit", 0.25),
     ]
     assert reader.failed == ""

@@ -4,6 +4,7 @@ import re
 import sys
 import time
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import TextIO
 
 from tqdm import tqdm
@@ -29,7 +30,18 @@ SECONDS = {
 }
 OTHER = (3.0, 0.0)  # a step that is not listed
 NETWORKS = {"matting": 3.0, "deeplab": 0.2}  # seconds a photograph, of silhouettes
+LATE = 0.1  # of its usual time, that a job still takes which has taken longer
 START = 5.0  # seconds of the listed speed that are believed before anything is done
+
+
+@dataclass
+class _Job:
+    """A job at work: what it does, its rule or "", when it began, how far it says that it is."""
+
+    what: str
+    began: float
+    rule: str = ""
+    share: float = 0.0
 
 
 class Bar:
@@ -44,16 +56,18 @@ class Bar:
     def __init__(self, views: int, source: str, stream: TextIO = sys.stderr):
         self._views, self._source = views, source
         self._left: dict[str, int] = {}  # jobs of each rule that are not done
-        self._parts: dict[str, float] = {}  # how far jobs at work are
-        self._running: dict[str, str] = {}  # job to what it does
-        self._done, self._start = 0.0, time.monotonic()
+        self._running: dict[str, _Job] = {}
+        self._done = 0.0  # in seconds of the listed speed
+        self._start = time.monotonic()
+        self._pace = 1.0  # seconds that pass for one of the listed speed
+        self._what = "starting"
         self._drawn = tqdm(
             total=1.0,
             file=stream,
             disable=None,
             leave=False,
             nrows=20,  # a terminal that does not say how high it is hides no line
-            bar_format="{desc} {percentage:3.0f}% |{bar:20}| {postfix}",
+            bar_format="{percentage:3.0f}% |{bar:20}| {desc}",
         )
 
     def plan(self, jobs: Mapping[str, int]) -> None:
@@ -62,43 +76,52 @@ class Bar:
 
     def begin(self, job: str, what: str) -> None:
         """A job begins."""
-        self._running[job] = what
+        self._running[job] = _Job(what, time.monotonic())
+        self._what = what
         self.draw()
 
+    def name(self, job: str, rule: str) -> None:
+        """A job that begins is of this rule."""
+        if job in self._running:
+            self._running[job].rule = rule
+
     def go_on(self, rule: str, share: float) -> None:
-        """A job of a rule is so far, from 0 to 1."""
-        self._parts[rule] = share
+        """A job of a rule says how far it is, from 0 to 1."""
+        for job in self._running.values():
+            if job.rule == rule:
+                job.share = share
         self.draw()
 
     def finish(self, job: str, rule: str) -> None:
         """A job ends."""
         self._running.pop(job, None)
-        self._parts.pop(rule, None)
         if self._left.get(rule):
             self._left[rule] -= 1
             self._done += self._expect(rule)
+        passed = time.monotonic() - self._start
+        self._pace = (passed + START) / (self._done + START)
         self.draw()
 
     @property
     def share(self) -> float:
         """How much is done, from 0 to 1, by what the steps usually take."""
-        done, left = self._amounts()
-        return done / (done + left) if done + left else 0.0
+        if not (total := self._done + self._waiting):
+            return 0.0
+        return max(0.0, 1 - self.seconds_left / self._pace / total)
 
     @property
     def seconds_left(self) -> float:
-        """About how long the rest takes, by what was done so far took."""
-        done, left = self._amounts()
-        passed = time.monotonic() - self._start
-        return left * (passed + START) / (done + START)
+        """About how long the rest takes, by what that which is done took."""
+        running = [job for job in self._running.values() if self._left.get(job.rule)]
+        begun = sum(self._expect(job.rule) for job in running)
+        waiting = max(0.0, self._waiting - begun) * self._pace
+        return waiting + sum(self._rest(job) for job in running)
 
     def draw(self) -> None:
         """Draw it anew."""
-        what = list(self._running.values())[-1] if self._running else "starting"
         self._drawn.n = max(self._drawn.n, self.share)  # a second try does not go back
-        self._drawn.set_description_str(f"{what:<32.32}", refresh=False)
-        left = f"about {say_seconds(self.seconds_left)} left" if self._left else ""
-        self._drawn.set_postfix_str(left, refresh=False)
+        left = f", about {say_seconds(self.seconds_left)} left" if self._left else ""
+        self._drawn.set_description_str(f"{self._what}{left}", refresh=False)
         self._drawn.refresh()
 
     def say(self, line: str) -> None:
@@ -109,11 +132,18 @@ class Bar:
         """Take it away."""
         self._drawn.close()
 
-    def _amounts(self) -> tuple[float, float]:
-        """What is done and what is left, in seconds of the listed speed."""
-        begun = sum(self._expect(rule) * share for rule, share in self._parts.items())
-        left = sum(self._expect(rule) * count for rule, count in self._left.items())
-        return self._done + min(begun, left), left - min(begun, left)
+    @property
+    def _waiting(self) -> float:
+        """What is not done, in seconds of the listed speed."""
+        return sum(self._expect(rule) * count for rule, count in self._left.items())
+
+    def _rest(self, job: _Job) -> float:
+        """Seconds until a job at work is done, by what it says, else by what is usual."""
+        passed = time.monotonic() - job.began
+        if job.share:
+            return passed * (1 - job.share) / job.share
+        usual = self._expect(job.rule) * self._pace
+        return max(usual - passed, LATE * usual)
 
     def _expect(self, rule: str) -> float:
         base, each = SECONDS.get(rule, OTHER)

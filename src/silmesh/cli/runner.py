@@ -22,6 +22,7 @@ TICK = 0.5  # seconds between two looks at the clock
 PATIENCE = 10.0  # seconds that a stopped run has to end by itself
 
 STATISTICS = re.compile(r"(\w+) +(\d+)")
+STEP = re.compile(r".*python -m silmesh\.steps\.(\w+) ")
 BEGUN = re.compile(r"Job (\d+): (.*)")
 DONE = re.compile(r"Finished jobid: (\d+) \(Rule: (\w+)\)")
 PART = re.compile(r"(\w+)\b[^:]*: (\d+)/(\d+)")
@@ -83,8 +84,9 @@ class Runner:
         snakefile = find_snakefile()
         profile = snakefile.parent / "workflow" / "profiles" / "default"
         given = ["--snakefile", snakefile, "--workflow-profile", profile, "--profile", "none"]
-        given += ["--configfile", CONFIG, "--cores", self._cores, "--nocolor", "--"]
-        return [sys.executable, "-m", "snakemake", *map(str, given), *targets]
+        given += ["--configfile", CONFIG, "--cores", self._cores, "--nocolor"]
+        words = [sys.executable, "-m", "snakemake", *map(str, given), "--printshellcmds"]
+        return [*words, "--", *targets]
 
     def _explain(self, reader: "_Reader") -> str:
         """Why a run failed: a step's own message, else where to look."""
@@ -106,6 +108,7 @@ class _Reader:
     def __init__(self, bar: Bar):
         self._bar = bar
         self._jobs: dict[str, int] | None = None  # while its statistics are being read
+        self._begun = ""  # the last job
         self.failed, self.log = "", ""
         self.said: list[str] = []
 
@@ -116,7 +119,10 @@ class _Reader:
         elif self._jobs is not None:
             self._count(line)
         elif begun := BEGUN.fullmatch(line):
+            self._begun = begun[1]
             self._bar.begin(begun[1], shorten(begun[2]))
+        elif step := STEP.match(line):
+            self._bar.name(self._begun, step[1])
         elif done := DONE.match(line):
             self._bar.finish(done[1], done[2])
         elif part := PART.match(line):
