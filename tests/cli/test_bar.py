@@ -1,4 +1,5 @@
 import io
+import re
 
 import pytest
 
@@ -59,7 +60,7 @@ def test_what_is_drawn(clock):
     bar.close()
     drawn = [line.rstrip() for line in terminal.getvalue().split("\r")]
     assert f"  0% |{' ' * 20}| fitting, about {2 * SECONDS['fit'][0]:.0f} s left" in drawn
-    assert any(line.startswith(" 50% |██████████          | evaluating, about ") for line in drawn)
+    assert any(re.match(r" 50% \|.{20}\| evaluating, about \d+ s left", line) for line in drawn)
 
 
 def test_it_is_quiet_where_nobody_watches():

@@ -111,9 +111,9 @@ def test_photographs_to_a_mesh_and_on_after_an_interruption(tmp_path):
     known = "--cameras", "turntable", "--turntable", "2.732,10,30"
 
     stopped = start(tmp_path, photos, *known)
-    views = tmp_path / "cache"
+    cache = tmp_path / "cache"
     until = time.monotonic() + 120
-    while not list(views.rglob("views.json")):
+    while not list(cache.rglob("logs/silhouettes")):  # the step after the working images
         assert time.monotonic() < until
         time.sleep(0.1)
     stopped.send_signal(signal.SIGTERM)
@@ -122,7 +122,7 @@ def test_photographs_to_a_mesh_and_on_after_an_interruption(tmp_path):
     assert told.endswith("silmesh: stopped; the same command goes on from here\n")
     assert not (tmp_path / "mesh.glb").exists()
 
-    (made,) = views.rglob("views.json")
+    (made,) = cache.rglob("views.json")
     before = made.stat().st_mtime_ns
     status, said, told = run(tmp_path, photos, *known)
     assert status == 0, told
@@ -135,7 +135,7 @@ def test_photographs_to_a_mesh_and_on_after_an_interruption(tmp_path):
     mesh = trimesh.load_mesh(tmp_path / "mesh.glb")
     assert mesh.volume == pytest.approx(4 / 3 * np.pi * 0.45 * 0.3 * 0.2, rel=0.1)
 
-    (log,) = (tmp_path / "cache").rglob("logs/fit/*.log")
+    (log,) = cache.rglob("logs/fit/*.log")
     assert log.read_text().startswith("# cd ")
     assert " -m silmesh.steps.fit --first " in log.read_text().splitlines()[0]
 
