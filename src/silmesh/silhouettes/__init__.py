@@ -8,7 +8,7 @@ it is asked for. On disk a silhouette is what the report defines: RGBA, alpha 25
 the object, zero elsewhere.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +49,7 @@ def write_silhouettes(
     folder: Path,
     settings: Any = None,
     spare: bool = False,
+    progress: Callable[[int], None] = lambda done: None,
 ) -> list[str]:
     """Find the silhouette of every view and write ``<folder>/<view>.png``.
 
@@ -59,6 +60,7 @@ def write_silhouettes(
         masks: the views' mask files in the same order, or none
         settings: of the network, if the source is one
         spare: write an empty silhouette where one cannot be used, as long as two can
+        progress: is told how many views are done
 
     Returns:
         for each view that was spared, what is wrong with its silhouette
@@ -73,13 +75,15 @@ def write_silhouettes(
         part.mkdir()
         files = masks or [None] * len(views)
         found = _find_each(source, views, images, files, settings)
-        for view, file, silhouette in zip(views, files, found, strict=True):
+        each = zip(views, files, found, strict=True)
+        for done, (view, file, silhouette) in enumerate(each, start=1):
             if wrong := _describe_wrong(silhouette, view, source, file):
                 refused.append(wrong)
                 if not spare or len(views) - len(refused) < FEWEST:
                     raise InputError("\n".join(refused))
                 silhouette = np.zeros_like(silhouette)
             encode(silhouette).save(part / f"{view.view}.png")
+            progress(done)
     return refused
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from silmesh.progress import Progress
 from silmesh.silhouettes import NETWORKS, SOURCES, write_silhouettes
 from silmesh.steps.command import parser, run
 from silmesh.views import read_views
@@ -33,6 +34,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         given.output,
         _prepare(given.source, given.settings, given.threads),
         given.spare,
+        Progress(f"silhouettes {given.output}", len(views)),
     )
     for wrong in spared:
         print(f"silmesh: {wrong}", file=sys.stderr)
