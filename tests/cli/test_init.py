@@ -1,10 +1,17 @@
+import os
+import re
+import subprocess
+import sys
+
 import pytest
+import yaml
 from PIL import Image
 
 from silmesh.cli.init import write_project
 from silmesh.datasets import read_datasets
 from silmesh.errors import InputError
 from silmesh.plan import Plan
+from silmesh.provenance import SOURCE
 
 
 @pytest.fixture
@@ -30,8 +37,6 @@ def test_a_table_and_a_configuration_that_can_be_run(folder, monkeypatch):
     jug, cup = read_datasets(folder / "datasets.tsv")
     assert [mask.name for mask in jug.masks] == ["jug_0.png", "jug_1.png", "jug_2.png"]
     assert cup.images[0] == folder / "my cup/cup_0.png"
-    import yaml
-
     monkeypatch.chdir(folder)
     plan = Plan(yaml.safe_load((folder / "config.yaml").read_text()), "config.yaml")
     assert [(run.dataset.object, run.variant) for run in plan.runs] == [
@@ -67,3 +72,20 @@ def test_folders_of_one_name_are_refused(folder):
 def test_a_folder_of_photographs_is_one_object(folder):
     with pytest.raises(InputError, match=r"has no folders with photographs.* `silmesh .*my cup"):
         list(write_project(folder / "my cup", force=False))
+
+
+@pytest.mark.slow  # starts snakemake
+def test_snakemake_makes_every_object_of_it(folder):
+    list(write_project(folder, force=False))
+    kept = {k: v for k, v in os.environ.items() if not k.startswith("SNAKEMAKE")}
+    done = subprocess.run(
+        [sys.executable, "-m", "snakemake", "--cores", "2", "--dry-run"],
+        cwd=folder,
+        env=kept | {"PYTHONPATH": str(SOURCE)},
+        capture_output=True,
+        text=True,
+    )
+    said = done.stdout + done.stderr
+    assert done.returncode == 0, said
+    assert re.search(r"^fit +2$", said, re.M)
+    assert re.search(r"^page +1$", said, re.M)

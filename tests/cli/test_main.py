@@ -18,8 +18,8 @@ from scenes import silhouettes, turntable
 
 from silmesh.cli.main import main
 from silmesh.config import FITS, Policy, SilhouetteSource
+from silmesh.provenance import SOURCE
 
-SOURCE = Path(__file__).parents[2] / "src"
 COMMAND = [sys.executable, "-c", "from silmesh.cli.main import main; main(prog_name='silmesh')"]
 VIEWS = 12
 

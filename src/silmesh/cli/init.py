@@ -21,6 +21,12 @@ configfile: "config.yaml"
 
 
 include: find_snakefile()
+
+
+# What is included makes nothing by itself.
+rule meshes:
+    input:
+        rules.all.input,
 """
 CONFIGURATION = """\
 # What is made of every object of datasets.tsv; all keys are in silmesh's README.
