@@ -5,6 +5,7 @@ import sys
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from shutil import get_terminal_size
 from typing import TextIO
 
 from tqdm import tqdm
@@ -66,7 +67,8 @@ class Bar:
             file=stream,
             disable=None,
             leave=False,
-            nrows=20,  # a terminal that does not say how high it is hides no line
+            ncols=get_terminal_size().columns - 1,  # tqdm takes a terminal that does not
+            nrows=20,  # say its size for one of 0 x 0
             bar_format="{percentage:3.0f}% |{bar:20}| {desc}",
         )
 

@@ -175,7 +175,7 @@ def _lines(process: subprocess.Popen) -> Iterator[str | None]:
 
 def _stop(process: subprocess.Popen) -> None:
     """End a process and all that it started."""
-    for kind, patience in ((signal.SIGINT, PATIENCE), (signal.SIGKILL, None)):
+    for kind, patience in ((signal.SIGTERM, PATIENCE), (signal.SIGKILL, None)):
         try:
             os.killpg(process.pid, kind)
             process.wait(patience)
