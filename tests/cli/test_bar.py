@@ -68,8 +68,10 @@ def test_it_is_quiet_where_nobody_watches():
     bar = Bar(views=3, source="mask", stream=stream)
     bar.plan({"fit": 2})
     bar.begin("1", "fitting")
-    bar.close()
     assert stream.getvalue() == ""
+    bar.say("a line")
+    bar.close()
+    assert stream.getvalue() == "a line\n"
 
 
 def test_a_network_takes_its_time():

@@ -55,7 +55,7 @@ class Bar:
     """
 
     def __init__(self, views: int, source: str, stream: TextIO = sys.stderr):
-        self._views, self._source = views, source
+        self._views, self._source, self._stream = views, source, stream
         self._left: dict[str, int] = {}  # jobs of each rule that are not done
         self._running: dict[str, _Job] = {}
         self._done = 0.0  # in seconds of the listed speed
@@ -128,7 +128,7 @@ class Bar:
 
     def say(self, line: str) -> None:
         """Write a line above the bar."""
-        tqdm.write(line, file=self._drawn.fp)
+        tqdm.write(line, file=self._stream)
 
     def close(self) -> None:
         """Take it away."""

@@ -97,7 +97,7 @@ def _try(
         RunError: none gave a mesh
     """
     made, failure = None, None
-    for cameras in tries:
+    for cameras, then in zip(tries, [*tries[1:], None], strict=True):
         try:
             variant = _run(work, runner, bar, silhouettes, cameras, options)
         except RunError as error:
@@ -107,9 +107,9 @@ def _try(
             coherence = _read(work, made)["hull_iou_mean"]
             if coherence >= COHERENT:
                 break
-        if cameras != tries[-1]:
+        if then:
             why = str(failure) if made is None else f"hull IoU {coherence:.2f}"
-            bar.say(f"silmesh: cameras {cameras!r} do not suit these photographs ({why}); trying")
+            bar.say(f"silmesh: cameras: {then} (not {cameras}: {why})")
     if made is None:
         raise failure
     return made
