@@ -134,8 +134,9 @@ def make(photos: tuple[Path, ...], output: Path, keep: Path | None, **options: A
     from silmesh.cli.make import make_mesh
     from silmesh.cli.runner import RunError
 
-    signal.signal(signal.SIGTERM, _interrupt)
-    signal.signal(signal.SIGHUP, _interrupt)
+    for kind in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(kind) != signal.SIG_IGN:  # as nohup has it
+            signal.signal(kind, _interrupt)
     try:
         make_mesh(photos, output, keep, **options)
     except InputError as error:

@@ -16,6 +16,7 @@ from silmesh.cli.workspace import Workspace, place_of
 from silmesh.errors import InputError
 
 RESULTS = ("mesh.glb", "mesh.obj", "metrics.json")
+BEFORE_CAMERAS = ("", "views", "fetch_weights", "silhouettes")  # other cameras do not mend these
 
 
 def make_mesh(
@@ -101,7 +102,9 @@ def _try(
         try:
             variant = _run(work, runner, bar, silhouettes, cameras, options)
         except RunError as error:
-            failure = RunError(work.restore(str(error)))
+            failure = RunError(work.restore(str(error)), error.step)
+            if error.step in BEFORE_CAMERAS:
+                break
         else:
             made = variant
             coherence = _read(work, made)["hull_iou_mean"]

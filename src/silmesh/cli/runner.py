@@ -32,7 +32,15 @@ OURS = "silmesh: "
 
 
 class RunError(Exception):
-    """The workflow ended without its results; the message says why."""
+    """The workflow ended without its results; the message says why.
+
+    Attributes:
+        step: the rule that failed; "" if none was reached
+    """
+
+    def __init__(self, message: str, step: str = ""):
+        super().__init__(message)
+        self.step = step
 
 
 class Runner:
@@ -78,7 +86,7 @@ class Runner:
             _stop(process)
             raise
         if process.wait():
-            raise RunError(self._explain(reader))
+            raise RunError(self._explain(reader), reader.failed)
 
     def _command(self, targets: Sequence[str]) -> list[str]:
         snakefile = find_snakefile()
