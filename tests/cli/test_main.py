@@ -127,7 +127,7 @@ def test_photographs_to_a_mesh_and_on_after_an_interruption(tmp_path):
     status, said, told = run(tmp_path, photos, *known)
     assert status == 0, told
     assert made.stat().st_mtime_ns == before
-    assert said.startswith("mesh.glb: good; its outline is the object's to 9")
+    assert said.startswith("mesh.glb: good; its outline is the object's to ")
     assert said.count("\n") == 1
     assert "silhouettes: threshold (the background is plain" in told
     assert "%" not in told  # no bar where nobody watches
