@@ -460,6 +460,40 @@ def test_a_repaired_view_is_fitted_and_its_original_kept(results, doubtful):
     assert not read_silhouettes(doubtful["output"] / "originals", ["v2"]).any()
 
 
+FAST = SETTINGS | {"preset": "fast", "learning_rate": 1, "smoothing": 4, "laplacian": 0.003}
+
+
+def fit_weighed(results, folder, settings, weights=None, without=()):
+    """Vertices fitted to the scene with a wrong silhouette of v2, which counts what is told."""
+    shutil.copytree(results / "scene", folder)
+    save(folder / "silhouettes" / "v2.png", np.full((SIZE, SIZE, 4), 255, np.uint8))
+    cameras = read_cameras(folder / "cameras.json")
+    left = [i for i, view in enumerate(cameras.views) if view not in without]
+    write_cameras(folder / "cameras.json", cameras.select(left))
+    told = json.loads((folder / "scene.json").read_text())
+    del told["weights"]
+    told |= {} if weights is None else {"weights": weights}
+    (folder / "scene.json").write_text(json.dumps(told))
+    outputs = {"meshes": folder / "m.ply", "cameras": folder / "c.json", "loss": folder / "l.csv"}
+    given = {"first": results / "first.ply", "scene": folder, **settings, "iterations": 6}
+    call(fit, **given, batch=0, device="cpu", threads=1, **outputs)
+    return read_mesh(folder / "m.ply").vertices
+
+
+@pytest.mark.parametrize("settings", [SETTINGS, FAST], ids=["softras", "fast"])
+def test_a_view_counts_in_the_fit_as_much_as_its_weight(results, tmp_path, settings):
+    def fitted(name, *arguments):
+        return fit_weighed(results, tmp_path / name, settings, *arguments)
+
+    whole = {f"v{i}": 1.0 for i in range(COUNT)}
+    plain = fitted("plain")
+    np.testing.assert_array_equal(fitted("ones", whole), plain)
+    without = fitted("without", None, ["v2"])
+    np.testing.assert_array_equal(fitted("none", whole | {"v2": 0.0}), without)
+    far = [np.abs(fitted(str(w), whole | {"v2": w}) - without).max() for w in (0.01, 0.5)]
+    assert 0 < far[0] < far[1] < np.abs(plain - without).max()
+
+
 def test_too_few_views_are_refused(doubtful):
     with pytest.raises(InputError, match=r"found: only 7 views are left, and quality\.fewest is 8"):
         call(judge, policy="drop", fewest=8, **doubtful)

@@ -58,9 +58,10 @@ def test_the_rate_rises_and_falls():
     assert rates[-1] < 0.01
 
 
-def test_the_first_half_looks_at_smaller_photographs():
-    settings = Settings("mobilenet_v3_large", 4, 5, 2, 192, 1e-3, 0)
-    assert [_size_at(epoch, settings) for epoch in range(4)] == [128, 128, 192, 192]
+def test_the_first_epochs_look_at_smaller_photographs():
+    settings = Settings("mobilenet_v3_large", 10, 5, 2, 192, 1e-3, 0)
+    sizes = [_size_at(epoch, settings) for epoch in range(10)]
+    assert sizes == [96, 96, 96, 96, 128, 128, 128, 192, 192, 192]
 
 
 def test_a_run_that_is_taken_up_goes_on_bit_by_bit(tmp_path):
