@@ -448,7 +448,6 @@ def test_a_dropped_view_leaves_the_scene_and_is_listed(doubtful, capsys):
 
 
 def test_a_repaired_view_is_fitted_and_its_original_kept(results, doubtful):
-    pytest.importorskip("cv2")
     call(judge, policy="repair", **doubtful)
     told = json.loads((doubtful["output"] / "scene.json").read_text())
     assert (told["repaired"], told["dropped"], told["weights"]["v2"]) == (["v2"], {}, 0.5)
@@ -456,7 +455,8 @@ def test_a_repaired_view_is_fitted_and_its_original_kept(results, doubtful):
         read_silhouettes(folder, ["v2"])[0]
         for folder in (doubtful["output"] / "silhouettes", results / "silhouettes")
     )
-    assert (new & true).sum() / (new | true).sum() > 0.65  # flat colours, 32 pixels a side
+    # It is 14 pixels wide, and the hull of seven views shows one more all around.
+    assert (new & true).sum() / (new | true).sum() > 0.8
     assert not read_silhouettes(doubtful["output"] / "originals", ["v2"]).any()
 
 
