@@ -29,7 +29,7 @@ def compose_random(
         [3, size, size] float in 0..1, and [size, size] int64, 1 on the object
     """
     behind = _draw_behind(backgrounds, size, rng)
-    if rng.random() < 0.4:  # a table before a wall
+    if rng.random() < 0.25:  # a table before a wall
         below = _draw_behind(backgrounds, size, rng)
         behind = lay_over(below, _draw_half(size, rng), behind)
     if rng.random() < 0.4:  # out of focus
@@ -39,10 +39,10 @@ def compose_random(
     if rng.random() < 0.4:
         behind = _cast_shadow(behind, coverage, rng)
     image = lay_over(colour, coverage, behind)
-    if rng.random() < 0.3:
-        image = blur(image, rng.uniform(0.3, 1.2))
+    if rng.random() < 0.2:
+        image = blur(image, rng.uniform(0.3, 1.0))
     grain = torch.from_numpy(rng.standard_normal(image.shape, dtype="f4"))
-    image = image + float(rng.uniform(0, 0.04)) * grain
+    image = image + float(rng.uniform(0, 0.025)) * grain
     return image.clamp(0, 1), (coverage > 0.5).long()
 
 
@@ -119,12 +119,12 @@ def _to_cutout(
 
 
 def _draw_pose(rng: Rng) -> tuple[float, float, tuple[float, float], tuple[float, float]]:
-    """Size, angle, stretch and shift: mostly upright, now and then at any angle."""
-    longer = rng.uniform(0.35, 1.1)
-    angle = rng.uniform(-math.pi, math.pi) if rng.random() < 0.25 else rng.normal(0, 0.2)
+    """Size, angle, stretch and shift: large, near the middle and upright, as objects are taken."""
+    longer = rng.uniform(0.45, 1.05)
+    angle = rng.uniform(-math.pi, math.pi) if rng.random() < 0.15 else rng.normal(0, 0.2)
     squeeze = math.exp(rng.normal(0, 0.15))
     mirror = 1 if rng.random() < 0.5 else -1
-    reach = 0.1 + 0.3 * max(1 - longer, 0)
+    reach = 0.06 + 0.25 * max(1 - longer, 0)
     shift = tuple(rng.uniform(-reach, reach, 2))
     return longer, angle, (mirror * squeeze, 1 / squeeze), shift
 
