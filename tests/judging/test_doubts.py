@@ -65,7 +65,7 @@ def test_what_a_silhouette_shows():
     shape[2:7, 0:5] = True
     shape[4, 2] = False
     shape[8, 15] = True
-    assert describe(shape) == {
+    assert describe(shape, np.array([0, 0, 20, 10])) == {
         "area": 25 / 200,
         "centroid_u": pytest.approx((24 * 2.5 + 15.5) / 25),
         "centroid_v": pytest.approx((24 * 4.5 + 8.5) / 25),
@@ -73,6 +73,13 @@ def test_what_a_silhouette_shows():
         "pieces": 2,
         "holes": 1,
     }
+
+
+def test_the_edge_is_the_photographs_and_not_the_padded_images():
+    shape = np.zeros((10, 20), bool)
+    shape[2:5, 6:9] = True
+    assert describe(shape, np.array([0, 0, 20, 10]))["on_frame"] == 0
+    assert describe(shape, np.array([0, 2, 20, 8]))["on_frame"] == 3
 
 
 def test_an_area_jumps_where_neither_neighbour_has_it():

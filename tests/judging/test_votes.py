@@ -81,6 +81,19 @@ def test_a_view_that_the_frame_cuts_says_nothing_beyond_it():
     assert count_denials(cut, near, [0], range(4), 2)[0][seen[0]].any()
 
 
+def test_a_view_that_a_padded_photograph_cuts_says_nothing_in_the_padding():
+    """The second photograph's lower end is at row 18, in the middle of the object."""
+    cameras = turntable(4, SIZE)
+    seen = silhouettes(cameras, [0.4, 0.3, 0.4])
+    seen[1, 18:] = False
+    below = seen[0].copy()
+    below[:20] = False
+    assert count_denials(seen, cameras, [0], range(4), 2)[0][below].all()
+    frames = np.tile([0, 0, SIZE, SIZE], (4, 1))
+    frames[1] = [0, 8, SIZE, 18]
+    assert not count_denials(seen, cameras, [0], range(4), 2, frames=frames)[0][below].any()
+
+
 def zoom(views, i, factor):
     """Pixel maps that enlarge one view about its middle."""
     maps = torch.eye(3, dtype=torch.float64).repeat(views, 1, 1)

@@ -157,6 +157,7 @@ def test_the_scene_is_normalised_and_coherent(results):
     )  # a box is not centred on what it is a picture of
     assert scene["scale"] * max(AXES) == pytest.approx(0.5, rel=0.1)
     assert scene["hull_iou_mean"] > 0.93
+    assert scene["frames"] == {f"v{i}": [0, 4, SIZE, 28] for i in range(COUNT)}
 
 
 def test_the_scene_says_where_the_photographs_lie_in_their_images(results):

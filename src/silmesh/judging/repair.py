@@ -26,6 +26,7 @@ def repair(
     cameras: Cameras,
     doubtful: Sequence[int],
     sound: Sequence[int],
+    frames: np.ndarray | None = None,
 ) -> np.ndarray:
     """New silhouettes of the doubtful views: [len(doubtful), height, width] bool.
 
@@ -34,8 +35,9 @@ def repair(
         silhouettes: [views, height, width] bool, of all views
         cameras: of all views, in the normalised world
         doubtful, sound: positions of the views to segment again, and of those that say how
+        frames: [views, 4] of the photographs within the images, as ``count_denials`` takes them
     """
-    hulls = count_denials(silhouettes, cameras, doubtful, sound, 1) == 0
+    hulls = count_denials(silhouettes, cameras, doubtful, sound, 1, frames=frames) == 0
     return np.stack(
         [
             segment(np.asarray(photograph.convert("RGB")), hull, silhouettes[i])

@@ -44,12 +44,15 @@ def main(argv: Sequence[str] | None = None) -> None:
     cameras, similarity, told = read_scene(given.scene)
     found = read_silhouettes(given.scene / SILHOUETTES, cameras.views)
 
+    size = found.shape[2], found.shape[1]
+    frames = np.array([told["frames"].get(view, [0, 0, *size]) for view in cameras.views])
+
     def segment(doubtful: Sequence[int], sound: Sequence[int]) -> np.ndarray:
         shown = [Image.open(given.scene / VIEWS / f"{cameras.views[i]}.png") for i in doubtful]
-        return repair(shown, found, cameras, doubtful, sound)
+        return repair(shown, found, cameras, doubtful, sound, frames)
 
     with blaming(given.scene):
-        decision = decide(given.policy, given.fewest, found, cameras, segment)
+        decision = decide(given.policy, given.fewest, found, cameras, segment, frames)
     world = _measure(cameras, similarity, told, decision, given.keep_world)
     told = _tell(told, cameras.views, decision)
     _write(given.output, given.scene, world, told, cameras.views, decision)
@@ -117,6 +120,13 @@ def _say(scene: Path, views: Sequence[str], decision: Decision) -> None:
     for view, fate, doubt in zip(views, decision.fates, decision.verdict.doubts, strict=True):
         if doubt:
             print(f"silmesh: {scene}: view {view!r} is {fate}: {doubt}", file=sys.stderr)
+    for view, row in zip(views, decision.verdict.rows, strict=True):
+        if row["on_frame"]:
+            print(
+                f"silmesh: {scene}: view {view!r}: the object leaves the photograph "
+                f"({row['on_frame']} pixels on its edge); what is beyond only other views show",
+                file=sys.stderr,
+            )
 
 
 if __name__ == "__main__":
