@@ -461,6 +461,20 @@ def test_a_repaired_view_is_fitted_and_its_original_kept(results, doubtful):
     assert not read_silhouettes(doubtful["output"] / "originals", ["v2"]).any()
 
 
+def test_an_object_that_leaves_its_photograph_is_told_of(results, tmp_path, capsys):
+    shutil.copytree(results / "found", tmp_path / "found")
+    tall = np.zeros((SIZE, SIZE, 4), np.uint8)
+    tall[4:20, 14:17] = 255  # from the photograph's upper edge on, below the padding
+    save(tmp_path / "found/silhouettes/v5.png", tall)
+    outputs = {"output": tmp_path / "judged", "sheet": tmp_path / "sheet.png"}
+    call(judge, scene=tmp_path / "found", policy="keep", threads=1, **outputs)
+    told = capsys.readouterr().err
+    assert "view 'v5': the object leaves the photograph (3 pixels on its edge)" in told
+    assert told.count("leaves the photograph") == 1
+    table = pd.read_csv(tmp_path / "judged/quality.csv", index_col="view")
+    assert table["on_frame"].tolist() == [3 if i == 5 else 0 for i in range(COUNT)]
+
+
 FAST = SETTINGS | {"preset": "fast", "learning_rate": 1, "smoothing": 4, "laplacian": 0.003}
 
 

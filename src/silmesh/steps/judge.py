@@ -20,6 +20,7 @@ from silmesh.hull import carve
 from silmesh.judging.policy import DROPPED, KEPT, REPAIRED, WEIGHTS, Decision, decide
 from silmesh.judging.repair import repair
 from silmesh.judging.table import write_table
+from silmesh.judging.votes import on_frame
 from silmesh.scene import SILHOUETTES, VIEWS, normalising, read_scene, write_scene
 from silmesh.silhouettes import encode, read_silhouettes
 from silmesh.steps.command import parser, run
@@ -56,7 +57,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     world = _measure(cameras, similarity, told, decision, given.keep_world)
     told = _tell(told, cameras.views, decision)
     _write(given.output, given.scene, world, told, cameras.views, decision)
-    _say(given.scene, cameras.views, decision)
+    _say(given.scene, cameras.views, frames, decision)
 
 
 def _measure(
@@ -113,18 +114,18 @@ def _write(
         write_table(part, views, decision)
 
 
-def _say(scene: Path, views: Sequence[str], decision: Decision) -> None:
-    """Tell a person of the doubtful views before the fit, not only on the page."""
+def _say(scene: Path, views: Sequence[str], frames: np.ndarray, decision: Decision) -> None:
+    """Tell a person of doubtful and cut views before the fit, not only on the page."""
     if decision.verdict.refusal:
         print(f"silmesh: {scene}: {decision.verdict.refusal}", file=sys.stderr)
     for view, fate, doubt in zip(views, decision.fates, decision.verdict.doubts, strict=True):
         if doubt:
             print(f"silmesh: {scene}: view {view!r} is {fate}: {doubt}", file=sys.stderr)
-    for view, row in zip(views, decision.verdict.rows, strict=True):
-        if row["on_frame"]:
+    for i in decision.fitted:
+        if pixels := on_frame(decision.silhouettes[i], frames[i]):
             print(
-                f"silmesh: {scene}: view {view!r}: the object leaves the photograph "
-                f"({row['on_frame']} pixels on its edge); what is beyond only other views show",
+                f"silmesh: {scene}: view {views[i]!r}: the object leaves the photograph ({pixels} "
+                "pixels on its edge); what is beyond only other views show",
                 file=sys.stderr,
             )
 
