@@ -53,6 +53,19 @@ def test_an_empty_silhouette_is_doubted_and_has_no_say(scene):
     assert (verdict.doubtful, verdict.doubts[5]) == ([5], "empty")
 
 
+@pytest.mark.parametrize("count", [4, 5])
+def test_few_views_do_not_say_what_one_lacks(count):
+    """Two that are opposite allow a whole rod."""
+    cameras = turntable(count, SIZE)
+    seen = silhouettes(cameras, AXES)
+    seen[1] = False
+    assert judge(seen, cameras).doubtful == [1]
+    seen[1, 10:30, 4:60] = True  # what others deny they still say
+    verdict = judge(seen, cameras)
+    assert verdict.doubtful == [1]
+    assert "other views deny" in verdict.doubts[1]
+
+
 def test_wrong_cameras_make_no_view_doubtful():
     """All contradict each other, and none more than the others."""
     right = turntable(12, SIZE, elevation=25)

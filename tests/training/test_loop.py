@@ -124,7 +124,8 @@ def test_training_begins_with_weights_of_other_classes(tmp_path):
 @pytest.mark.slow
 def test_what_was_learnt_is_found(tmp_path):
     """A ball is found before a ground: to take all for the object comes to an IoU below 0.4."""
-    settings = Settings("mobilenet_v3_large", 16, 16, 8, 64, 3e-3, 0)
+    # It comes to 0.84: 64 pixels are 4 x 4 features, and half as many steps end at 0.68.
+    settings = Settings("mobilenet_v3_large", 30, 30, 8, 64, 3e-3, 0)
     training = Training(settings, None)
     train(training, material(count=48), material(count=4))
-    assert training.rows[training.best_epoch].holdout_iou > 0.5
+    assert training.rows[training.best_epoch].holdout_iou > 0.75

@@ -20,6 +20,7 @@ FINE = 64  # rays along an image's side: enough to judge, not to draw
 # still speak; little at last, since a hull that bears with more is larger.
 TOLERANCES = (5, 6, 8, 12, 24, 24)
 LEAST = 0.12  # shares below that are no reason for doubt
+ENOUGH = 6  # trusted views; fewer allow so much around the object that nothing can be lacking
 SLACK = 2  # pixels that the others may see more, all around
 SPREAD = 5  # nor are those within so many deviations of the median over the views
 
@@ -126,7 +127,8 @@ def disagreement(
     Returns:
         [views] what it shows and they deny, a share of its area, and [views] what they allow more
         than ``SLACK`` pixels from it, a share of its area or of the median area if that is more
-        (a thin object seen edge on is small); 0 for an empty silhouette
+        (a thin object seen edge on is small), 0 if fewer than ``ENOUGH`` speak; 0 for an empty
+        silhouette
     """
     stride = -(-max(silhouettes.shape[1:]) // FINE)
     most = len(trusted) // tolerance
@@ -138,6 +140,8 @@ def disagreement(
     usual = np.maximum(area, np.median(area[trusted]))
     unexplained = (shown & (denials > most)).sum(axis=(1, 2)) / area
     missing = (~near & (denials <= most)).sum(axis=(1, 2)) / usual
+    if len(trusted) < ENOUGH:
+        missing = np.zeros_like(missing)
     empty = ~silhouettes.any(axis=(1, 2))
     return np.where(empty, 0, unexplained), np.where(empty, 0, missing)
 
