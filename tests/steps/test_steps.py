@@ -466,8 +466,7 @@ def test_an_object_that_leaves_its_photograph_is_told_of(results, tmp_path, caps
     tall = np.zeros((SIZE, SIZE, 4), np.uint8)
     tall[4:20, 14:17] = 255  # from the photograph's upper edge on, below the padding
     save(tmp_path / "found/silhouettes/v5.png", tall)
-    outputs = {"output": tmp_path / "judged", "sheet": tmp_path / "sheet.png"}
-    call(judge, scene=tmp_path / "found", policy="keep", threads=1, **outputs)
+    call(judge, scene=tmp_path / "found", policy="keep", threads=1, output=tmp_path / "judged")
     told = capsys.readouterr().err
     assert "view 'v5': the object leaves the photograph (3 pixels on its edge)" in told
     assert told.count("leaves the photograph") == 1

@@ -16,7 +16,6 @@ def run_with(project, policy: str):
     Image.new("L", (40, 32)).save(project / "photos/mask2/cup/cup_r90.png")
     project.run("results/cup/round/metrics.json")
     (judged,) = (project / "results/cup/stages/judged").iterdir()
-    assert list((project / "results/report/silhouettes/cup").glob("*.png"))
     return judged, json.loads((project / "results/cup/round/metrics.json").read_text())
 
 
