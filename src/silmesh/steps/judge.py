@@ -44,8 +44,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     numba.set_num_threads(min(given.threads, numba.config.NUMBA_NUM_THREADS))
     cameras, similarity, told = read_scene(given.scene)
     found = read_silhouettes(given.scene / SILHOUETTES, cameras.views)
-    size = found.shape[2], found.shape[1]
-    frames = np.array([told["frames"].get(view, [0, 0, *size]) for view in cameras.views])
+    frames = np.array([told["frames"][view] for view in cameras.views])
 
     def segment(doubtful: Sequence[int], sound: Sequence[int]) -> np.ndarray:
         shown = [Image.open(given.scene / VIEWS / f"{cameras.views[i]}.png") for i in doubtful]
