@@ -1,24 +1,20 @@
-r"""Silhouettes by ``deeplab``: how fast, how much memory, and how good with given weights: JSON.
+r"""Silhouettes by ``deeplab``: how fast, and how good with given weights: JSON.
 
 python benchmarks/deeplab.py
 python benchmarks/deeplab.py --weights results/train/weights.pt --tests FOLDER/tests.tsv
 
-Speed and memory do not depend on what the weights are, so random ones serve. The quality is over
-composites of objects and backgrounds that were not trained on (see training_objects.py), through
-the source as a run uses it, at a working size of 256.
+Speed does not depend on what the weights are, so random ones serve; large_photographs.py measures
+memory. The quality is over composites of objects and backgrounds that were not trained on (see
+training_objects.py), through the source as a run uses it, at a working size of 256.
 """
 
 import argparse
 import json
-import resource
-import subprocess
-import sys
 import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-import torch
 from PIL import Image
 
 from silmesh.datasets import read_datasets
@@ -41,16 +37,12 @@ def main() -> None:
     args.add_argument("--tests", type=Path, help="table of the objects to test on")
     args.add_argument("--sizes", type=int, nargs="+", default=[256], help="that the network sees")
     args.add_argument("--pictures", type=Path, help="folder for contact sheets of the tests")
-    args.add_argument("--photographs", type=int, help="only look at so many of 24 megapixels")
     given = args.parse_args()
-    if given.photographs:
-        report = look_at_large(given.photographs)
-    elif given.weights:
+    if given.weights:
         report = {size: measure_quality(given, size) for size in given.sizes}
     else:
-        seconds = {f"{model} {s}": measure_speed(model, s) for model, s in
+        report = {f"{model} {s}": measure_speed(model, s) for model, s in
                    ((MODEL, 256), (MODEL, 520), ("resnet50", 256))}  # fmt: skip
-        report = {"seconds_a_view": seconds, "memory": measure_memory()}
     print(json.dumps(report, indent=2))
 
 
@@ -73,26 +65,6 @@ def measure_speed(model: str, size: int, views: int = 12) -> dict:
         list(found)
         wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
         return {"wall": round(wall / views, 4), "cpu": round(cpu / views, 4)}
-
-
-def measure_memory() -> dict:
-    """Peak memory of processes that look at 2 and at 16 photographs of 24 megapixels, in MiB."""
-    peaks = {}
-    for count in (2, 16):
-        command = [sys.executable, __file__, "--photographs", str(count)]
-        done = subprocess.run(command, check=True, capture_output=True, text=True)
-        peaks[count] = json.loads(done.stdout)["peak_mib"]
-    return peaks
-
-
-def look_at_large(count: int) -> dict:
-    """Look at photographs of 24 megapixels; the peak of this process."""
-    torch.set_num_threads(2)
-    with TemporaryDirectory() as folder:
-        photographs = draw_photographs(Path(folder), count, (6000, 4000), "jpg")
-        views = write_views(photographs, 256, "pad", Path(folder) / "views")
-        list(find_classes(views, random_weights(MODEL), 520))
-    return {"peak_mib": round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)}
 
 
 def draw_photographs(folder: Path, count: int, size: tuple[int, int], ending: str) -> list[Path]:

@@ -67,7 +67,8 @@ def main() -> None:
     holdout = ["tube", *[f"solid{i:03d}" for i in range(given.solids * 5 // 6, given.solids)]]
     (given.folder / "train.yaml").write_text(
         f"datasets: {given.folder}/objects.tsv\n"
-        f"train: {{epochs: 30, patience: 30, holdout: [{', '.join(holdout)}]}}\n"
+        "train: {epochs: 20, patience: 20, batch: 8, "
+        f"holdout: [{', '.join(holdout)}]}}\n"
         "variants: {learnt: {silhouettes: deeplab, deeplab: {weights: results/train/weights.pt}}}\n"
     )
 

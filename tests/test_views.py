@@ -8,6 +8,7 @@ from scenes import save
 from silmesh.errors import InputError
 from silmesh.views import (
     count_array_views,
+    count_frames,
     find_images,
     held_out,
     match_masks,
@@ -91,6 +92,51 @@ def test_exif_turns_the_photograph_upright(tmp_path):
     exif[0x0112] = 6  # the camera was held so that the sensor's left column is the top row
     path = save(tmp_path / "turned.png", RGB, exif=exif)
     reads(path, np.rot90(RGB, -1))
+
+
+@pytest.mark.parametrize("ending", ["png", "webp", "tif"])
+def test_of_an_animated_file_the_first_frame_is_read(tmp_path, ending):
+    frames = [Image.new("RGB", (8, 6), colour) for colour in ("red", "lime", "blue")]
+    path = tmp_path / f"moving.{ending}"
+    frames[0].save(path, save_all=True, append_images=frames[1:], lossless=True)
+    assert count_frames(path) == 3
+    reads(path, np.full((6, 8, 3), (255, 0, 0), np.uint8))
+
+
+def test_what_is_not_animated_has_one_frame(tmp_path):
+    """A telephone's JPEG, of which the second picture is a preview, is not either."""
+    frames = [Image.new("RGB", size) for size in ((8, 6), (4, 3))]
+    frames[0].save(tmp_path / "phone.jpg", format="MPO", save_all=True, append_images=frames[1:])
+    assert count_frames(tmp_path / "phone.jpg") == 1
+    assert count_frames(save(tmp_path / "still.png", RGB)) == 1
+    (tmp_path / "none.png").write_text("not an image")
+    assert count_frames(tmp_path / "none.png") == 1
+
+
+@pytest.mark.parametrize("depth", ["16-bit", "CMYK", "palette", "turned"])
+def test_photographs_of_any_kind_look_alike(tmp_path, depth):
+    """The same picture, saved in several ways, gives the same working image."""
+    plain = Image.fromarray(np.kron(np.array([[40, 80], [160, 240]], np.uint8), np.ones((24, 32))))
+    plain = plain.convert("L")
+    exif = Image.Exif()
+    exif[0x0112] = 6
+    ways = {
+        "16-bit": (Image.fromarray(np.asarray(plain).astype(np.uint16) * 257), "a.png", {}),
+        "CMYK": (plain.convert("RGB").convert("CMYK"), "a.tif", {}),
+        "palette": (plain.convert("P"), "a.png", {}),
+        "turned": (plain.rotate(90, expand=True), "a.png", {"exif": exif}),
+    }
+    image, name, options = ways[depth]
+    image.save(tmp_path / name, **options)
+    plain.save(tmp_path / "plain.png")
+    (view,) = write_views([tmp_path / name], 32, "pad", tmp_path / "views")
+    write_views([tmp_path / "plain.png"], 32, "pad", tmp_path / "plain")
+    assert (view.width, view.height) == (64, 48)
+    one, other = (
+        np.asarray(Image.open(path)).astype(int)
+        for path in (tmp_path / "views/a.png", tmp_path / "plain/plain.png")
+    )
+    np.testing.assert_allclose(one, other, atol=1)
 
 
 @pytest.mark.parametrize("ending", ["png", "jpg", "tif", "webp", "bmp"])

@@ -17,6 +17,7 @@ from silmesh.errors import InputError
 from silmesh.files import replacing
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
+ANIMATED = ("PNG", "WEBP", "TIFF")  # formats, as Pillow calls them, that may have more frames
 MANIFEST = "views.json"
 
 
@@ -191,6 +192,18 @@ def read_image(path: Path | str, least: tuple[int, int] | None = None) -> Image.
             return _to_8_bit(ImageOps.exif_transpose(opened))
     except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
         raise InputError(f"{path}: cannot be read as an image: {error}") from error
+
+
+def count_frames(path: Path) -> int:
+    """How many frames an animated file has, of which the first is read; 1 if it is not animated.
+
+    A second picture of another kind, as telephones put behind a JPEG, is no frame.
+    """
+    try:
+        with Image.open(path) as opened:
+            return getattr(opened, "n_frames", 1) if opened.format in ANIMATED else 1
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
+        return 1  # what is wrong with it is said where it is read
 
 
 def _to_8_bit(image: Image.Image) -> Image.Image:

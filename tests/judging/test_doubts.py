@@ -53,6 +53,19 @@ def test_an_empty_silhouette_is_doubted_and_has_no_say(scene):
     assert (verdict.doubtful, verdict.doubts[5]) == ([5], "empty")
 
 
+@pytest.mark.parametrize("count", [4, 5])
+def test_few_views_do_not_say_what_one_lacks(count):
+    """Two that are opposite allow a whole rod."""
+    cameras = turntable(count, SIZE)
+    seen = silhouettes(cameras, AXES)
+    seen[1] = False
+    assert judge(seen, cameras).doubtful == [1]
+    seen[1, 10:30, 4:60] = True  # what others deny they still say
+    verdict = judge(seen, cameras)
+    assert verdict.doubtful == [1]
+    assert "other views deny" in verdict.doubts[1]
+
+
 def test_wrong_cameras_make_no_view_doubtful():
     """All contradict each other, and none more than the others."""
     right = turntable(12, SIZE, elevation=25)
@@ -65,7 +78,7 @@ def test_what_a_silhouette_shows():
     shape[2:7, 0:5] = True
     shape[4, 2] = False
     shape[8, 15] = True
-    assert describe(shape) == {
+    assert describe(shape, np.array([0, 0, 20, 10])) == {
         "area": 25 / 200,
         "centroid_u": pytest.approx((24 * 2.5 + 15.5) / 25),
         "centroid_v": pytest.approx((24 * 4.5 + 8.5) / 25),
@@ -73,6 +86,13 @@ def test_what_a_silhouette_shows():
         "pieces": 2,
         "holes": 1,
     }
+
+
+def test_the_edge_is_the_photographs_and_not_the_padded_images():
+    shape = np.zeros((10, 20), bool)
+    shape[2:5, 6:9] = True
+    assert describe(shape, np.array([0, 0, 20, 10]))["on_frame"] == 0
+    assert describe(shape, np.array([0, 2, 20, 8]))["on_frame"] == 3
 
 
 def test_an_area_jumps_where_neither_neighbour_has_it():

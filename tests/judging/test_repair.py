@@ -1,11 +1,9 @@
 import numpy as np
-import pytest
 from PIL import Image
 from scenes import dome, silhouettes
 
 from silmesh.judging.repair import repair, segment
 
-pytest.importorskip("cv2")
 COUNT = 24
 
 

@@ -58,9 +58,10 @@ def test_the_rate_rises_and_falls():
     assert rates[-1] < 0.01
 
 
-def test_the_first_half_looks_at_smaller_photographs():
-    settings = Settings("mobilenet_v3_large", 4, 5, 2, 192, 1e-3, 0)
-    assert [_size_at(epoch, settings) for epoch in range(4)] == [128, 128, 192, 192]
+def test_the_first_epochs_look_at_smaller_photographs():
+    settings = Settings("mobilenet_v3_large", 10, 5, 2, 192, 1e-3, 0)
+    sizes = [_size_at(epoch, settings) for epoch in range(10)]
+    assert sizes == [96, 96, 96, 96, 128, 128, 128, 192, 192, 192]
 
 
 def test_a_run_that_is_taken_up_goes_on_bit_by_bit(tmp_path):
@@ -123,7 +124,8 @@ def test_training_begins_with_weights_of_other_classes(tmp_path):
 @pytest.mark.slow
 def test_what_was_learnt_is_found(tmp_path):
     """A ball is found before a ground: to take all for the object comes to an IoU below 0.4."""
-    settings = Settings("mobilenet_v3_large", 16, 16, 8, 64, 3e-3, 0)
+    # It comes to 0.84: 64 pixels are 4 x 4 features, and half as many steps end at 0.68.
+    settings = Settings("mobilenet_v3_large", 30, 30, 8, 64, 3e-3, 0)
     training = Training(settings, None)
     train(training, material(count=48), material(count=4))
-    assert training.rows[training.best_epoch].holdout_iou > 0.5
+    assert training.rows[training.best_epoch].holdout_iou > 0.75

@@ -13,13 +13,14 @@ import numpy as np
 from scipy import ndimage
 
 from silmesh.cameras.camera import Cameras
-from silmesh.judging.votes import ROUND, count_denials
+from silmesh.judging.votes import ROUND, count_denials, on_frame, whole_frames
 
 FINE = 64  # rays along an image's side: enough to judge, not to draw
 # In each round, one view of so many may be wrong at a point. Much at first, when wrong silhouettes
 # still speak; little at last, since a hull that bears with more is larger.
 TOLERANCES = (5, 6, 8, 12, 24, 24)
 LEAST = 0.12  # shares below that are no reason for doubt
+ENOUGH = 6  # trusted views; fewer allow so much around the object that nothing can be lacking
 SLACK = 2  # pixels that the others may see more, all around
 SPREAD = 5  # nor are those within so many deviations of the median over the views
 
@@ -49,20 +50,23 @@ class Verdict:
         return [i for i, doubt in enumerate(self.doubts) if not doubt]
 
 
-def judge(silhouettes: np.ndarray, cameras: Cameras) -> Verdict:
+def judge(silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray | None = None) -> Verdict:
     """Find the doubtful silhouettes.
 
     Args:
         silhouettes: [views, height, width] bool, in the order in which they were taken
         cameras: of these views, in the normalised world
+        frames: [views, 4] left, top, right and bottom of the photographs within the images; the
+            whole images if not given
     """
+    frames = whole_frames(silhouettes) if frames is None else frames
     shown = silhouettes.any(axis=(1, 2))
-    unexplained, missing, bad = _find_contradicted(silhouettes, cameras, shown)
+    unexplained, missing, bad = _find_contradicted(silhouettes, cameras, frames, shown)
     refusal = None
     if 2 * bad.sum() > shown.sum():
         refusal = "silhouettes and cameras contradict each other in most views"
         bad = np.zeros_like(bad)
-    rows = [describe(silhouette) for silhouette in silhouettes]
+    rows = [describe(s, frame) for s, frame in zip(silhouettes, frames, strict=True)]
     jumps = area_jumps(np.array([row["area"] for row in rows]))
     for i, row in enumerate(rows):
         row |= {"area_jump": jumps[i], "unexplained": unexplained[i], "missing": missing[i]}
@@ -74,7 +78,7 @@ def judge(silhouettes: np.ndarray, cameras: Cameras) -> Verdict:
 
 
 def _find_contradicted(
-    silhouettes: np.ndarray, cameras: Cameras, shown: np.ndarray
+    silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray, shown: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The two shares of each view, and whether they are a reason for doubt: each [views].
 
@@ -82,10 +86,10 @@ def _find_contradicted(
     get it back if the next round clears them.
     """
     trusted = np.flatnonzero(shown)
-    unexplained, missing = disagreement(silhouettes, cameras, trusted, TOLERANCES[-1])
+    unexplained, missing = disagreement(silhouettes, cameras, frames, trusted, TOLERANCES[-1])
     bad = shown & (_excess(unexplained, missing, trusted) > 0)
     for tolerance in TOLERANCES if bad.any() else ():
-        unexplained, missing = disagreement(silhouettes, cameras, trusted, tolerance)
+        unexplained, missing = disagreement(silhouettes, cameras, frames, trusted, tolerance)
         excess = _excess(unexplained, missing, trusted)
         bad = shown & (excess > 0)
         worst = bad & (excess > excess[shown].max() / 2) if tolerance < TOLERANCES[-1] else bad
@@ -112,46 +116,54 @@ def _excess(unexplained: np.ndarray, missing: np.ndarray, trusted: Sequence[int]
 
 
 def disagreement(
-    silhouettes: np.ndarray, cameras: Cameras, trusted: Sequence[int], tolerance: int
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+    frames: np.ndarray,
+    trusted: Sequence[int],
+    tolerance: int,
 ) -> tuple[np.ndarray, np.ndarray]:
     """How each view disagrees with what the trusted others allow, all but one of ``tolerance``.
 
     Returns:
         [views] what it shows and they deny, a share of its area, and [views] what they allow more
         than ``SLACK`` pixels from it, a share of its area or of the median area if that is more
-        (a thin object seen edge on is small); 0 for an empty silhouette
+        (a thin object seen edge on is small), 0 if fewer than ``ENOUGH`` speak; 0 for an empty
+        silhouette
     """
     stride = -(-max(silhouettes.shape[1:]) // FINE)
     most = len(trusted) // tolerance
     everyone = range(len(silhouettes))
-    denials = count_denials(silhouettes, cameras, everyone, trusted, most + 1, stride)
+    denials = count_denials(silhouettes, cameras, everyone, trusted, most + 1, stride, frames)
     near = ndimage.binary_dilation(silhouettes, ROUND[None], iterations=SLACK)
     shown, near = (part[:, ::stride, ::stride] for part in (silhouettes, near))
     area = np.maximum(shown.sum(axis=(1, 2)), 1)
     usual = np.maximum(area, np.median(area[trusted]))
     unexplained = (shown & (denials > most)).sum(axis=(1, 2)) / area
     missing = (~near & (denials <= most)).sum(axis=(1, 2)) / usual
+    if len(trusted) < ENOUGH:
+        missing = np.zeros_like(missing)
     empty = ~silhouettes.any(axis=(1, 2))
     return np.where(empty, 0, unexplained), np.where(empty, 0, missing)
 
 
-def describe(silhouette: np.ndarray) -> dict[str, float]:
+def describe(silhouette: np.ndarray, frame: np.ndarray) -> dict[str, float]:
     """What a silhouette, [height, width] bool, shows by itself.
 
+    Args:
+        frame: left, top, right and bottom of the photograph within the image
     Returns:
         ``area``: its share of the image; ``centroid_u``, ``centroid_v``: in pixels, NaN if it is
-        empty; ``on_frame``: pixels on the image's edge; ``pieces``, ``holes``: their numbers
+        empty; ``on_frame``: pixels on the photograph's edge; ``pieces``, ``holes``: their numbers
     """
     height, width = silhouette.shape
     rows, columns = np.nonzero(silhouette)
-    inner = silhouette[1:-1, 1:-1].sum()
     _, pieces = ndimage.label(silhouette, np.ones((3, 3)))
     _, grounds = ndimage.label(np.pad(~silhouette, 1, constant_values=True))
     return {
         "area": len(rows) / (height * width),
         "centroid_u": float(columns.mean() + 0.5) if len(rows) else np.nan,
         "centroid_v": float(rows.mean() + 0.5) if len(rows) else np.nan,
-        "on_frame": int(silhouette.sum() - inner),
+        "on_frame": on_frame(silhouette, frame),
         "pieces": pieces,
         "holes": grounds - 1,
     }

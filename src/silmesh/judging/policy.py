@@ -39,6 +39,7 @@ def decide(
     silhouettes: np.ndarray,
     cameras: Cameras,
     segment: Callable[[Sequence[int], Sequence[int]], np.ndarray],
+    frames: np.ndarray | None = None,
 ) -> Decision:
     """Judge the silhouettes and deal with the doubtful ones.
 
@@ -48,15 +49,16 @@ def decide(
         silhouettes: [views, height, width] bool
         cameras: of these views, in the normalised world
         segment: gives new silhouettes of doubtful views, from their positions and the sound ones'
+        frames: [views, 4] of the photographs within the images, as ``judge`` takes them
 
     Raises:
         InputError: too few views would be left
     """
-    verdict = judge(silhouettes, cameras)
+    verdict = judge(silhouettes, cameras, frames)
     doubtful, fates, new = verdict.doubtful, [KEPT] * len(silhouettes), silhouettes.copy()
     if policy == "repair" and doubtful:
         new[doubtful] = segment(doubtful, verdict.sound)
-        still = judge(new, cameras).doubtful
+        still = judge(new, cameras, frames).doubtful
         for i in doubtful:
             fates[i] = DROPPED if i in still else REPAIRED
             new[i] = silhouettes[i] if i in still else new[i]

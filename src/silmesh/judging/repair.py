@@ -12,11 +12,11 @@ from PIL import Image
 from scipy import ndimage
 
 from silmesh.cameras.camera import Cameras
-from silmesh.errors import InputError
 from silmesh.judging.votes import count_denials
 
 OUTER = 4  # pixels outside the hull that colours are still judged in; further out is background
-INNER = 1 / 40  # of the image's side: how deep inside the hull the object is sure
+INNER = 1 / 40  # of the image's side: how deep inside the hull what was found before is sure
+DEEP = 1 / 2  # of the hull's depth: where the object is sure though it was not found before
 ITERATIONS = 5
 
 
@@ -26,6 +26,7 @@ def repair(
     cameras: Cameras,
     doubtful: Sequence[int],
     sound: Sequence[int],
+    frames: np.ndarray | None = None,
 ) -> np.ndarray:
     """New silhouettes of the doubtful views: [len(doubtful), height, width] bool.
 
@@ -34,8 +35,9 @@ def repair(
         silhouettes: [views, height, width] bool, of all views
         cameras: of all views, in the normalised world
         doubtful, sound: positions of the views to segment again, and of those that say how
+        frames: [views, 4] of the photographs within the images, as ``count_denials`` takes them
     """
-    hulls = count_denials(silhouettes, cameras, doubtful, sound, 1) == 0
+    hulls = count_denials(silhouettes, cameras, doubtful, sound, 1, frames=frames) == 0
     return np.stack(
         [
             segment(np.asarray(photograph.convert("RGB")), hull, silhouettes[i])
@@ -54,11 +56,14 @@ def segment(pixels: np.ndarray, hull: np.ndarray, before: np.ndarray) -> np.ndar
     Returns:
         [height, width] bool; nothing if the hull is empty
     """
-    cv2 = _import_cv2()
-    core = ndimage.distance_transform_edt(hull) > INNER * max(hull.shape)
+    import cv2  # takes a moment, and few scenes need it
+
+    depth = ndimage.distance_transform_edt(hull)
+    core = depth > INNER * max(hull.shape)
     if not core.any():
         return np.zeros_like(hull)
-    sure = core & before if (core & before).sum() > core.sum() / 2 else core
+    found = (core & before).sum() > core.sum() / 2
+    sure = core & before if found else core & (depth > DEEP * depth.max())
     labels = np.where(hull, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
     labels[~ndimage.binary_dilation(hull, iterations=OUTER)] = cv2.GC_BGD
     labels[sure] = cv2.GC_FGD
@@ -78,14 +83,3 @@ def _drop_specks(region: np.ndarray) -> np.ndarray:
     areas = np.bincount(pieces.ravel(), minlength=count + 1)
     areas[0] = 0
     return (areas >= 0.05 * areas.max())[pieces]
-
-
-def _import_cv2():
-    try:
-        import cv2
-    except ImportError as error:
-        raise InputError(
-            "quality.policy 'repair': OpenCV is not installed; `pip install -e '.[matting]'` "
-            "installs it, and policy 'drop' does without"
-        ) from error
-    return cv2

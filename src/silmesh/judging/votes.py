@@ -30,6 +30,7 @@ def count_denials(
     by: Sequence[int],
     most: int,
     stride: int = 1,
+    frames: np.ndarray | None = None,
 ) -> np.ndarray:
     """Map, for some views, how few other views deny the points along each pixel's ray.
 
@@ -40,12 +41,19 @@ def count_denials(
         by: the views that may deny; a view does not speak about itself
         most: where counting ends
         stride: every so many pixels of a row and of a column are mapped
+        frames: [views, 4] left, top, right and bottom of the photographs within the images; a view
+            whose photograph cuts the silhouette says nothing beyond it. The whole images if not
+            given
     Returns:
         [len(of), height / stride, width / stride] uint8, ``most`` where as many or
         more views deny every point
     """
+    frames = whole_frames(silhouettes) if frames is None else frames
     denied = ~binary_dilation(silhouettes, ROUND[None], iterations=GRACE)
-    cut = _cut_by_frame(silhouettes)
+    cut = np.array([on_frame(s, f) > 0 for s, f in zip(silhouettes, frames, strict=True)])
+    for i in np.flatnonzero(cut):
+        left, top, right, bottom = frames[i]
+        denied[i, :top] = denied[i, bottom:] = denied[i, :, :left] = denied[i, :, right:] = False
     P = cameras.projections.numpy()
     focal = cameras.K[:, 0, 0].numpy()
     step = float(np.median(cameras.centres.norm(dim=1).numpy() / focal)) * (1 + stride) / 2
@@ -58,10 +66,21 @@ def count_denials(
     return np.stack(maps)
 
 
-def _cut_by_frame(silhouettes: np.ndarray) -> np.ndarray:
-    """Whether each silhouette reaches the edge of its image, beyond which it says nothing."""
-    edges = (silhouettes[:, [0, -1]], silhouettes[:, :, [0, -1]])
-    return np.logical_or(*(edge.any(axis=(1, 2)) for edge in edges))
+def whole_frames(silhouettes: np.ndarray) -> np.ndarray:
+    """The frames of photographs that fill their images [views, height, width]: [views, 4]."""
+    count, height, width = silhouettes.shape
+    return np.tile([0, 0, width, height], (count, 1))
+
+
+def on_frame(silhouette: np.ndarray, frame: np.ndarray) -> int:
+    """Pixels of a silhouette, [height, width] bool, on the edge of its photograph.
+
+    Args:
+        frame: left, top, right and bottom of the photograph within the image
+    """
+    left, top, right, bottom = frame
+    inside = silhouette[top:bottom, left:right]
+    return int(inside.sum() - inside[1:-1, 1:-1].sum())
 
 
 @njit(parallel=True, cache=True, error_model="numpy")

@@ -9,7 +9,9 @@ from PIL import Image, ImageDraw
 
 from silmesh.report.pictures import FINE, GROUND, INK, SILHOUETTE, draw_outlines, font
 
-CELL, TEXT, GAP, COLUMNS = 176, 44, 8, 6  # pixels, and cells in a row
+CELL, GAP, COLUMNS = 176, 8, 6  # pixels, and cells in a row
+LINE, FIRST = 13, 18  # pixels of a further line of text, and of the first
+AROUND = 1.3  # of what all silhouettes cover: how large a part of the photographs is shown
 MARK, BEFORE = (200, 40, 40), (240, 130, 30)
 WORDS = 27  # letters in a line under a cell
 
@@ -34,33 +36,57 @@ class Cell:
 
 
 def draw_sheet(cells: Sequence[Cell]) -> Image.Image:
-    """Draw the photographs in rows, in their order."""
+    """Draw the photographs in rows, in their order: of each the same part, around the object."""
     columns = min(COLUMNS, len(cells))
-    rows = -(-len(cells) // columns)
-    size = (GAP + columns * (CELL + GAP), GAP + rows * (CELL + TEXT + GAP))
+    rows = [cells[i : i + columns] for i in range(0, len(cells), columns)]
+    heights = [CELL + FIRST + LINE * max(len(_lines(cell)) - 1 for cell in row) for row in rows]
+    size = (GAP + columns * (CELL + GAP), GAP + sum(heights) + GAP * len(rows))
     sheet = Image.new("RGB", size, GROUND)
-    for i, cell in enumerate(cells):
-        place = (GAP + i % columns * (CELL + GAP), GAP + i // columns * (CELL + TEXT + GAP))
-        _draw_cell(sheet, cell, place)
+    part, top = _part_shown(cells), GAP
+    for row, height in zip(rows, heights, strict=True):
+        for i, cell in enumerate(row):
+            _draw_cell(sheet, cell, part, (GAP + i * (CELL + GAP), top))
+        top += height + GAP
     return sheet
 
 
-def _draw_cell(sheet: Image.Image, cell: Cell, place: tuple[int, int]) -> None:
+def _part_shown(cells: Sequence[Cell]) -> tuple[float, float, float]:
+    """Left, top and side, in working pixels, of a square around the silhouettes of all views."""
+    drawn = [mask for cell in cells for mask in (cell.before, cell.silhouette) if mask is not None]
+    shown = np.logical_or.reduce(drawn)
+    size = max(shown.shape)
+    if not shown.any():
+        return 0, 0, size
+    ends = [np.flatnonzero(shown.any(axis=axis))[[0, -1]] + (0, 1) for axis in (1, 0)]
+    side = min(size, AROUND * max(end - start for start, end in ends))
+    top, left = (np.clip((start + end - side) / 2, 0, size - side) for start, end in ends)
+    return float(left), float(top), float(side)
+
+
+def _draw_cell(
+    sheet: Image.Image, cell: Cell, part: tuple[float, float, float], place: tuple[int, int]
+) -> None:
+    x, y, side = part
     with Image.open(cell.photograph) as opened:
-        image = opened.convert("RGB").resize((FINE * CELL, FINE * CELL), Image.Resampling.BICUBIC)
-    scale = image.width / cell.silhouette.shape[1]
+        image = opened.convert("RGB").resize(
+            (FINE * CELL, FINE * CELL), Image.Resampling.BICUBIC, (x, y, x + side, y + side)
+        )
     for mask, colour in ((cell.before, BEFORE), (cell.silhouette, SILHOUETTE)):
         if mask is not None:
-            draw_outlines(image, mask, scale, (0, 0), colour)
+            draw_outlines(image, mask, image.width / side, (x, y), colour)
     left, top = place
     sheet.paste(image.resize((CELL, CELL), Image.Resampling.BOX), place)
     draw = ImageDraw.Draw(sheet)
     if cell.remark:
         draw.rectangle((left - 3, top - 3, left + CELL + 2, top + CELL + 2), outline=MARK, width=3)
-    lines = [cell.view[-WORDS:], *_wrap(cell.remark)]
-    for n, line in enumerate(lines[:3]):
+    for n, line in enumerate(_lines(cell)):
         ink = MARK if n else INK
-        draw.text((left, top + CELL + 4 + 13 * n), line, fill=ink, font=font(10))
+        draw.text((left, top + CELL + 4 + LINE * n), line, fill=ink, font=font(10))
+
+
+def _lines(cell: Cell) -> list[str]:
+    """What is written below a view: its name, and two lines of its remark."""
+    return [cell.view[-WORDS:], *_wrap(cell.remark)][:3]
 
 
 def _wrap(text: str) -> list[str]:

@@ -34,12 +34,15 @@ def main(argv: Sequence[str] | None = None) -> None:
     procedure, kind = PROCEDURES[given.preset]
     settings = kind(**{field.name: getattr(given, field.name) for field in fields(kind)})
 
-    cameras, similarity, _ = read_scene(given.scene)
-    kept = sorted(set(range(len(cameras))) - set(held_out(len(cameras), given.holdout)))
+    cameras, similarity, told = read_scene(given.scene)
+    counts = [told.get("weights", {}).get(view, 1.0) for view in cameras.views]
+    out = held_out(len(cameras), given.holdout)
+    kept = [i for i, count in enumerate(counts) if count and i not in out]
     device = _choose_device(given.device)
     silhouettes = torch.tensor(read_silhouettes(given.scene / SILHOUETTES, cameras.views)[kept])
     template, faces = (part.to(device) for part in to_tensors(read_mesh(given.first)))
-    parts = template, faces, cameras.select(kept), silhouettes.to(device, torch.float32), settings
+    seen = cameras.select(kept), silhouettes.to(device, torch.float32)
+    parts = template, faces, *seen, settings, _weights([counts[i] for i in kept], device)
     checkpoint = given.checkpoint and Checkpoint(given.checkpoint, (*parts, given.code))
     if checkpoint and checkpoint.read():
         print(f"{given.name}: goes on from {given.checkpoint}")
@@ -90,6 +93,11 @@ def _parse(argv: Sequence[str] | None) -> argparse.Namespace:
     args.add_argument("--cameras", type=Path, required=True, help="cameras.json to write")
     args.add_argument("--loss", type=Path, required=True, help="loss.csv to write")
     return args.parse_args(argv)
+
+
+def _weights(counts: Sequence[float], device: str) -> torch.Tensor | None:
+    """How much each view counts, [views], or None if all count the same."""
+    return torch.tensor(counts, device=device) if len(set(counts)) > 1 else None
 
 
 def _choose_device(name: str) -> str:

@@ -20,6 +20,7 @@ from silmesh.hull import carve
 from silmesh.judging.policy import DROPPED, KEPT, REPAIRED, WEIGHTS, Decision, decide
 from silmesh.judging.repair import repair
 from silmesh.judging.table import write_table
+from silmesh.judging.votes import on_frame
 from silmesh.scene import SILHOUETTES, VIEWS, normalising, read_scene, write_scene
 from silmesh.silhouettes import encode, read_silhouettes
 from silmesh.steps.command import parser, run
@@ -43,17 +44,18 @@ def main(argv: Sequence[str] | None = None) -> None:
     numba.set_num_threads(min(given.threads, numba.config.NUMBA_NUM_THREADS))
     cameras, similarity, told = read_scene(given.scene)
     found = read_silhouettes(given.scene / SILHOUETTES, cameras.views)
+    frames = np.array([told["frames"][view] for view in cameras.views])
 
     def segment(doubtful: Sequence[int], sound: Sequence[int]) -> np.ndarray:
         shown = [Image.open(given.scene / VIEWS / f"{cameras.views[i]}.png") for i in doubtful]
-        return repair(shown, found, cameras, doubtful, sound)
+        return repair(shown, found, cameras, doubtful, sound, frames)
 
     with blaming(given.scene):
-        decision = decide(given.policy, given.fewest, found, cameras, segment)
+        decision = decide(given.policy, given.fewest, found, cameras, segment, frames)
     world = _measure(cameras, similarity, told, decision, given.keep_world)
     told = _tell(told, cameras.views, decision)
     _write(given.output, given.scene, world, told, cameras.views, decision)
-    _say(given.scene, cameras.views, decision)
+    _say(given.scene, cameras.views, frames, decision)
 
 
 def _measure(
@@ -110,13 +112,20 @@ def _write(
         write_table(part, views, decision)
 
 
-def _say(scene: Path, views: Sequence[str], decision: Decision) -> None:
-    """Tell a person of the doubtful views before the fit, not only on the page."""
+def _say(scene: Path, views: Sequence[str], frames: np.ndarray, decision: Decision) -> None:
+    """Tell a person of doubtful and cut views before the fit, not only on the page."""
     if decision.verdict.refusal:
         print(f"silmesh: {scene}: {decision.verdict.refusal}", file=sys.stderr)
     for view, fate, doubt in zip(views, decision.fates, decision.verdict.doubts, strict=True):
         if doubt:
             print(f"silmesh: {scene}: view {view!r} is {fate}: {doubt}", file=sys.stderr)
+    for i in decision.fitted:
+        if pixels := on_frame(decision.silhouettes[i], frames[i]):
+            print(
+                f"silmesh: {scene}: view {views[i]!r}: the object leaves the photograph ({pixels} "
+                "pixels on its edge); what is beyond only other views show",
+                file=sys.stderr,
+            )
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Silhouettes and cameras: undistort, take the most coherent cameras, normalise the world."""
 
 from argparse import Namespace
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -37,6 +37,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     index, why = choose(attempts, placed)
     attempt, best = attempts[index], placed[index]
     doubtful = _name_doubtful(best, given.silhouettes)
+    frames = _frames(best, given.views)
     told = {
         "cameras": attempt.source,
         "cameras_because": why,
@@ -44,7 +45,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         "doubtful": doubtful,
         "warnings": list(attempt.warnings),
         "figures": dict(attempt.figures),
-        "frame": _frame(best, given.views),
+        "frame": _around(frames.values()),
+        "frames": frames,
         "attempts": [
             {"source": a.source, "came_to": refused_or(a, p), "warnings": list(a.warnings)}
             for a, p in zip(attempts, placed, strict=True)
@@ -83,19 +85,23 @@ def _place(folder: Path, given: Namespace) -> tuple[Attempt, Placed | None]:
         return replace(attempt, refusal=str(error)), None
 
 
-def _frame(best: Placed, views: Path) -> list[int]:
-    """The box that holds all photographs in their images: left, top, right and bottom.
+def _frames(best: Placed, views: Path) -> dict[str, list[int]]:
+    """Left, top, right and bottom of each photograph in its working image.
 
     An undistorted photograph has no straight border, and is taken to fill its image.
     """
-    boxes = [
-        (0, 0, view.size, view.size)
+    return {
+        view.view: [0, 0, view.size, view.size]
         if view.view in best.straightened.sources
-        else (view.left, view.top, view.right, view.bottom)
+        else [view.left, view.top, view.right, view.bottom]
         for view in read_views(views)
         if view.view in best.cameras.views
-    ]
-    left, top, right, bottom = zip(*boxes, strict=True)
+    }
+
+
+def _around(frames: Iterable[Sequence[int]]) -> list[int]:
+    """The box that holds all of some frames: left, top, right and bottom."""
+    left, top, right, bottom = zip(*frames, strict=True)
     return [min(left), min(top), max(right), max(bottom)]
 
 

@@ -1,10 +1,11 @@
 """Resize an object's photographs into square working images, and keep the pixel maps."""
 
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from silmesh.steps.command import parser, run
-from silmesh.views import write_views
+from silmesh.views import count_frames, write_views
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -16,6 +17,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--output", type=Path, required=True, help="folder to make")
     given = args.parse_args(argv)
     write_views(given.images, given.size, given.resize, given.output)
+    for image in given.images:
+        if (frames := count_frames(image)) > 1:
+            print(f"silmesh: {image}: has {frames} frames; the first is taken", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -28,9 +28,10 @@ def compose_random(
     Returns:
         [3, size, size] float in 0..1, and [size, size] int64, 1 on the object
     """
-    kind = backgrounds[rng.integers(len(backgrounds))]
-    behind = crop_background(kind[rng.integers(len(kind))], size, rng)
-    behind = _recolour(behind, rng)
+    behind = _draw_behind(backgrounds, size, rng)
+    if rng.random() < 0.25:  # a table before a wall
+        below = _draw_behind(backgrounds, size, rng)
+        behind = lay_over(below, _draw_half(size, rng), behind)
     if rng.random() < 0.4:  # out of focus
         behind = blur(behind, rng.uniform(0.5, 3))
     colour, coverage = place(cutout, size, *_draw_pose(rng))
@@ -38,11 +39,25 @@ def compose_random(
     if rng.random() < 0.4:
         behind = _cast_shadow(behind, coverage, rng)
     image = lay_over(colour, coverage, behind)
-    if rng.random() < 0.3:
-        image = blur(image, rng.uniform(0.3, 1.2))
+    if rng.random() < 0.2:
+        image = blur(image, rng.uniform(0.3, 1.0))
     grain = torch.from_numpy(rng.standard_normal(image.shape, dtype="f4"))
-    image = image + float(rng.uniform(0, 0.04)) * grain
+    image = image + float(rng.uniform(0, 0.025)) * grain
     return image.clamp(0, 1), (coverage > 0.5).long()
+
+
+def _draw_behind(backgrounds: Sequence[Sequence[Tensor]], size: int, rng: Rng) -> Tensor:
+    """A part of one of the backgrounds, in other colours."""
+    kind = backgrounds[rng.integers(len(backgrounds))]
+    return _recolour(crop_background(kind[rng.integers(len(kind))], size, rng), rng)
+
+
+def _draw_half(size: int, rng: Rng) -> Tensor:
+    """What lies on one side of a line, mostly below a level one: [size, size] in 0..1."""
+    angle = rng.normal(0, 0.15) if rng.random() < 0.6 else rng.uniform(-math.pi, math.pi)
+    ramp = torch.linspace(-0.5, 0.5, size)
+    beyond = math.cos(angle) * ramp[:, None] + math.sin(angle) * ramp - rng.uniform(-0.35, 0.35)
+    return (0.5 + beyond * size / math.exp(rng.uniform(0, 2))).clamp(0, 1)
 
 
 def compose_upright(
@@ -104,12 +119,12 @@ def _to_cutout(
 
 
 def _draw_pose(rng: Rng) -> tuple[float, float, tuple[float, float], tuple[float, float]]:
-    """Size, angle, stretch and shift: mostly upright, now and then at any angle."""
-    longer = rng.uniform(0.3, 1.2)
-    angle = rng.uniform(-math.pi, math.pi) if rng.random() < 0.25 else rng.normal(0, 0.2)
+    """Size, angle, stretch and shift: large, near the middle and upright, as objects are taken."""
+    longer = rng.uniform(0.45, 1.05)
+    angle = rng.uniform(-math.pi, math.pi) if rng.random() < 0.15 else rng.normal(0, 0.2)
     squeeze = math.exp(rng.normal(0, 0.15))
     mirror = 1 if rng.random() < 0.5 else -1
-    reach = 0.1 + 0.3 * max(1 - longer, 0)
+    reach = 0.06 + 0.25 * max(1 - longer, 0)
     shift = tuple(rng.uniform(-reach, reach, 2))
     return longer, angle, (mirror * squeeze, 1 / squeeze), shift
 
