@@ -10,7 +10,7 @@ import pytest
 pytestmark = pytest.mark.slow
 
 WAIT = """
-    if os.environ.get("SILMESH_TEST_STOP"):
+    if os.environ.get("SILMESH_TEST_STOP") and {when}:
         Path(os.environ["SILMESH_TEST_STOP"]).write_text(str(os.getpid()))
         time.sleep(600)
 """
@@ -36,10 +36,10 @@ def leftovers(project) -> list[Path]:
     return [path for path in (project / "results").rglob("*") if path.name.startswith(".part-")]
 
 
-def add_stop(project, path: str, after: str) -> None:
+def add_stop(project, path: str, after: str, when: str = "True") -> None:
     """Make a step wait, where the environment says so, just after a line of its code."""
     indent = len(after) - len(after.lstrip())
-    wait = WAIT.replace("\n    ", "\n" + " " * indent).rstrip() + "\n"
+    wait = WAIT.format(when=when).replace("\n    ", "\n" + " " * indent).rstrip() + "\n"
     project.edit(path, after, after + wait)
     file = project / path
     lines = file.read_text().split("\nimport ", 1)
@@ -63,7 +63,8 @@ def test_a_kill_in_the_middle_of_a_fit(project, finished, tmp_path):
 @pytest.mark.parametrize("target", ["views/32-pad", "cameras/32-pad-turntable"])
 def test_a_kill_in_the_middle_of_writing(project, finished, tmp_path, target):
     marker = tmp_path / "marker"
-    add_stop(project, "src/silmesh/files.py", "        yield part\n")
+    writing = f"path.name == {Path(target).name!r}"
+    add_stop(project, "src/silmesh/files.py", "        yield part\n", writing)
     path = f"results/cup/stages/{target}"
     project.run("results/cup/stages/views/32-pad")
     (project / "config/config.yaml").touch()
