@@ -82,20 +82,35 @@ def scores_of(scene, losses):
 
 def test_the_better_go_on_and_the_first_at_the_end_is_the_best(scene):
     """By hand: falling losses whose order turns over from round to round."""
-    (first, three), (second, two), (last, _) = ROUNDS
+    (first, three, _), (second, two, factor), (last, _, _) = ROUNDS
     assert (three, two) == (3, 2)
+    assert 1.4 <= factor < 2.5
     steps = np.arange(last + 1)
     losses = {
         "quick": np.where(steps < second, 0.1, 0.3),
-        "slow": np.where(steps <= second, 0.2, 0.1),
+        "slow": np.where(steps <= second, 0.14, 0.1),
         "third": np.full(last + 1, 0.25),
         "late": np.where(steps <= first, 0.5, 0.0),  # too late
     }
     scores = scores_of(scene, losses)
     assert list(scores) == ["slow", "quick", "third", "late"]
     assert [score.steps for score in scores.values()] == [last, last, second, first]
-    assert scores["slow"].before == 0.2
+    assert scores["slow"].before == 0.14
     assert scores["slow"].after == 0.1
+
+
+def test_what_is_far_behind_is_not_waited_for(scene):
+    """The same but for a loss after the second round that is not near the least."""
+    _, second, last = (steps for steps, *_ in ROUNDS)
+    steps = np.arange(last + 1)
+    losses = {
+        "quick": np.full(last + 1, 0.1),
+        "slow": np.where(steps <= second, 0.25, 0.0),
+        "third": np.full(last + 1, 0.3),
+    }
+    scores = scores_of(scene, losses)
+    assert list(scores) == ["quick", "slow", "third"]
+    assert {score.steps for score in scores.values()} == {second}
 
 
 def test_a_single_leap_of_the_loss_counts_for_nothing(scene):

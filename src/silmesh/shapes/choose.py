@@ -14,7 +14,8 @@ from silmesh.shapes.looks import look_smaller
 
 SIZE, VIEWS = 64, 12  # of the looks in which meshes are tried
 VERTICES = 642  # of the meshes that are tried
-ROUNDS = ((20, 3), (60, 2), (200, 1))  # steps up to which meshes are fitted, how many then go on
+# Steps up to which meshes are fitted, how many then go on, within which factor of the least loss.
+ROUNDS = ((20, 3, np.inf), (60, 2, 1.5), (200, 1, 1.0))
 LATEST = 20  # steps whose median is a fit's loss: Adam's steps make single ones leap
 
 # Fits a mesh at unit size to silhouettes [views, height, width] bool; gives the loss before each
@@ -46,7 +47,7 @@ def score_meshes(
 ) -> dict[str, Score]:
     """Try each first mesh; the best come first.
 
-    After each round the better ones go on. Each is fitted by one thread.
+    After each round the better ones go on, until one is left. Each is fitted by one thread.
 
     Args:
         meshes: at unit size
@@ -59,7 +60,7 @@ def score_meshes(
     losses: dict[str, list[float]] = {name: [] for name in meshes}
     scores: dict[str, Score] = {}
     going = list(meshes)
-    for steps, kept in ROUNDS:
+    for steps, kept, factor in ROUNDS:
 
         def go_on(name: str, to: int = steps) -> None:
             losses[name] += islice(trials[name], to + 1 - len(losses[name]))
@@ -69,7 +70,10 @@ def score_meshes(
         going.sort(key=lambda name: tried[name].after)
         before = {name: score for name, score in scores.items() if name not in tried}
         scores = {name: tried[name] for name in going} | before
-        going = going[:kept]
+        near = factor * tried[going[0]].after
+        going = [name for name in going[:kept] if tried[name].after <= near]
+        if len(going) == 1:  # the choice is made
+            break
     return scores
 
 
