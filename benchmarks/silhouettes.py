@@ -1,7 +1,7 @@
 """How good the silhouettes of real photographs are, as JSON: IoU with the given masks.
 
     python benchmarks/silhouettes.py moisturiser threshold [--data ../shared/data]
-    python benchmarks/silhouettes.py bunny matting --work /tmp/bunny
+    python benchmarks/silhouettes.py bunny matting --work results/bunny-silhouettes
 
 The bunny's silhouettes are judged and repaired with the cameras that come with the photographs.
 ``--work`` names a folder for what is made; the alpha of photographs that are in it is used again.
