@@ -1,16 +1,14 @@
 """Describe the photographs and silhouettes of a scene for the page."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from silmesh.files import replacing
-from silmesh.judging.policy import DROPPED, REPAIRED
-from silmesh.judging.table import read_table
 from silmesh.report.gallery import Shot, describe_gallery
-from silmesh.scene import SILHOUETTES, VIEWS, read_scene
-from silmesh.silhouettes import read_silhouettes
+from silmesh.scene import read_scene
 from silmesh.steps.command import parser, run
+from silmesh.steps.shots import read_shots
 
 LOST = "lost"  # a view without a camera
 
@@ -23,7 +21,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--judged", type=Path, required=True, help="folder of the scene as fitted")
     args.add_argument("--output", type=Path, required=True, help="JSON to write")
     given = args.parse_args(argv)
-    shots = [_read(row, given.scene, given.judged) for row in read_table(given.judged)]
+    shots = read_shots(given.scene, given.judged)
     placed = {shot.view for shot in shots}
     told = read_scene(given.judged)[2]
     lost = {view: why for view, why in told["dropped"].items() if view not in placed}
@@ -32,17 +30,6 @@ def main(argv: Sequence[str] | None = None) -> None:
     ]
     with replacing(given.output) as part:
         part.write_text(json.dumps(describe_gallery(shots)) + "\n")
-
-
-def _read(row: Mapping[str, str], scene: Path, judged: Path) -> Shot:
-    """A view of the scene, as its row in the table says."""
-    view, fate, doubt = row["view"], row["fate"], row["doubt"]
-    photograph = scene / VIEWS / f"{view}.png"
-    (found,) = read_silhouettes(scene / SILHOUETTES, [view])
-    if fate == DROPPED:
-        return Shot(view, photograph, found, None, fate, doubt)
-    (fitted,) = read_silhouettes(judged / SILHOUETTES, [view])
-    return Shot(view, photograph, fitted, found if fate == REPAIRED else None, fate, doubt)
 
 
 if __name__ == "__main__":
