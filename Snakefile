@@ -12,6 +12,7 @@ from silmesh.lock import hold
 from silmesh.plan import TRAINED, WEIGHTS, Plan
 from silmesh.provenance import code_digest as digest_code
 from silmesh.provenance import file_digest
+from silmesh.warm import start
 from silmesh.synthetic.layout import photograph_names
 
 min_version("9.10")
@@ -56,6 +57,7 @@ onstart:
             f"silmesh: another run is at work in {Path.cwd()}; wait for its end"
         )
     write_report_plan()
+    start()
 
 
 # What a step said is the last to be read, not the long command of it.

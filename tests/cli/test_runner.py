@@ -23,7 +23,7 @@ Finished jobid: 5 (Rule: views)
 
 [Tue Nov 24 20:00:24 2026]
 Job 1: cup/mesh: fitting
-Shell command: python -m silmesh.steps.fit --first results/cup/stages/first/x/first.ply
+Shell command: python -m silmesh.steps fit --first results/cup/stages/first/x/first.ply
 fit cup/mesh: 150/600, loss 0.0160, 31 s left
 """
 FAILURE = """\
@@ -35,7 +35,7 @@ Error in rule views:
     output: results/cup/stages/views/64-pad
     log: logs/views/cup-64-pad.log (check log file(s) for error details)
     shell:
-        PATH=/bin:$PATH; python -m silmesh.steps.views
+        PATH=/bin:$PATH; python -m silmesh.steps views
 """
 
 

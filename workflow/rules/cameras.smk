@@ -20,7 +20,7 @@ rule cameras:
     message:
         "{wildcards.object}: cameras from {wildcards.cameras}"
     shell:
-        "python -m silmesh.steps.cameras --views {input.views:q} {params.source}"
+        "python -m silmesh.steps cameras --views {input.views:q} {params.source}"
         " --output {output:q} 2> {log:q}"
 
 
@@ -47,6 +47,6 @@ rule calibrate:
     message:
         "{wildcards.object}: finding cameras from silhouettes by {wildcards.source}"
     shell:
-        "python -m silmesh.steps.calibrate --views {input.views:q}"
+        "python -m silmesh.steps calibrate --views {input.views:q}"
         " --silhouettes {input.silhouettes:q} {params.known} --threads {threads}"
         " --output {output:q} 2> {log:q}"

@@ -24,7 +24,7 @@ rule colmap_features:
     message:
         "{wildcards.object}: finding the features of its photographs"
     shell:
-        "python -m silmesh.steps.colmap_features --images {input.images:q} {params.settings}"
+        "python -m silmesh.steps colmap_features --images {input.images:q} {params.settings}"
         " --threads {threads} --output {output:q} 2> {log:q}"
 
 
@@ -44,7 +44,7 @@ rule colmap_matches:
     message:
         "{wildcards.object}: matching its photographs"
     shell:
-        "python -m silmesh.steps.colmap_matches --features {input:q}"
+        "python -m silmesh.steps colmap_matches --features {input:q}"
         " --matching {wildcards.matching} --seed {wildcards.seed} --threads {threads}"
         " --output {output:q} 2> {log:q}"
 
@@ -65,7 +65,7 @@ rule colmap_map:
     message:
         "{wildcards.object}: finding cameras from its matches"
     shell:
-        "python -m silmesh.steps.colmap_map --matches {input:q} --mapping {wildcards.mapping}"
+        "python -m silmesh.steps colmap_map --matches {input:q} --mapping {wildcards.mapping}"
         " --seed {params.seed} --output {output:q} 2> {log:q}"
 
 
@@ -85,7 +85,7 @@ rule colmap:
     message:
         "{wildcards.object}: judging the cameras by the silhouettes"
     shell:
-        "python -m silmesh.steps.colmap --model {input.model:q} --views {input.views:q}"
+        "python -m silmesh.steps colmap --model {input.model:q} --views {input.views:q}"
         " --silhouettes {input.silhouettes:q} --threads {threads} --output {output:q} 2> {log:q}"
 
 
@@ -114,6 +114,6 @@ rule colmap_masked:
     message:
         "{wildcards.object}: finding cameras by the features on the object"
     shell:
-        "python -m silmesh.steps.colmap_masked --features {input.features:q}"
+        "python -m silmesh.steps colmap_masked --features {input.features:q}"
         " --views {input.views:q} --silhouettes {input.silhouettes:q} {params.unmasked}"
         " {params.settings} --threads {threads} --output {output:q} 2> {log:q}"

@@ -19,5 +19,5 @@ rule colour:
     message:
         "{wildcards.object}/{wildcards.variant}: colouring the mesh"
     shell:
-        "python -m silmesh.steps.colour --mesh {input.mesh:q} --cameras {input.cameras:q}"
+        "python -m silmesh.steps colour --mesh {input.mesh:q} --cameras {input.cameras:q}"
         " --scene {input.scene:q} --meshes {output:q} 2> {log:q}"

@@ -24,7 +24,7 @@ rule evaluate:
     message:
         "{wildcards.object}/{wildcards.variant}: evaluating"
     shell:
-        "python -m silmesh.steps.evaluate --mesh {input.mesh:q} --cameras {input.cameras:q}"
+        "python -m silmesh.steps evaluate --mesh {input.mesh:q} --cameras {input.cameras:q}"
         " --loss {input.loss:q} --scene {input.scene:q} --first {input.first:q}"
         " {params.truth} {params.settings}"
         " --threads {threads} --output {output:q} 2> {log:q}"

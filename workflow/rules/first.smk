@@ -21,5 +21,5 @@ rule first:
     message:
         "{wildcards.object}: making the first mesh {wildcards.first}"
     shell:
-        "python -m silmesh.steps.first --scene {input.scene:q} {params.settings}"
+        "python -m silmesh.steps first --scene {input.scene:q} {params.settings}"
         " --threads {threads} --output {output.mesh:q} --report {output.report:q} 2> {log:q}"

@@ -22,7 +22,7 @@ rule fit:
     message:
         "{wildcards.object}/{wildcards.variant}: fitting"
     shell:
-        "python -m silmesh.steps.fit --first {input.first:q}"
+        "python -m silmesh.steps fit --first {input.first:q}"
         " --scene {input.scene:q} {params.settings}"
         " --threads {threads} --name {wildcards.object}/{wildcards.variant}"
         " --meshes {output.mesh:q} --cameras {output.cameras:q} --loss {output.loss:q}"

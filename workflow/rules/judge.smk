@@ -21,7 +21,7 @@ rule judge:
     message:
         "{wildcards.object}: judging the silhouettes"
     shell:
-        "python -m silmesh.steps.judge --scene {input.scene:q} {params.settings}"
+        "python -m silmesh.steps judge --scene {input.scene:q} {params.settings}"
         " --threads {threads} --output {output:q} 2> {log:q}"
 
 
@@ -44,5 +44,5 @@ rule sheet:
     message:
         "{wildcards.object}: drawing its silhouettes"
     shell:
-        "python -m silmesh.steps.sheet --scene {input.scene:q} --judged {input.judged:q}"
+        "python -m silmesh.steps sheet --scene {input.scene:q} --judged {input.judged:q}"
         " --output {output:q} 2> {log:q}"

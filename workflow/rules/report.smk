@@ -31,7 +31,7 @@ rule figure:
     message:
         "{wildcards.object}: drawing its losses and meshes"
     shell:
-        "python -m silmesh.steps.figure --object={wildcards.object}"
+        "python -m silmesh.steps figure --object={wildcards.object}"
         " --losses {input.losses:q} --meshes {input.meshes:q} --cameras {input.cameras:q}"
         " --scenes {input.scenes:q} --variants {params.variants} --order {params.order}"
         " {params.published} --outputs {output:q} 2> {log:q}"
@@ -74,7 +74,7 @@ rule picture:
     message:
         "{wildcards.object}/{wildcards.variant}: drawing the mesh beside its photographs"
     shell:
-        "python -m silmesh.steps.picture --mesh {input.mesh:q} --first {input.first:q}"
+        "python -m silmesh.steps picture --mesh {input.mesh:q} --first {input.first:q}"
         " --cameras {input.cameras:q} --scene {input.scene:q} --sigma {params.sigma}"
         " --output {output.picture:q} --gif {output.gif:q} --mp4 {output.mp4:q}"
         " --exhibit {output.exhibit:q} 2> {log:q}"
@@ -94,7 +94,7 @@ rule gallery:
     message:
         "{wildcards.object}: choosing its photographs for the page"
     shell:
-        "python -m silmesh.steps.gallery --views {input.views:q} --scene {input.scene:q}"
+        "python -m silmesh.steps gallery --views {input.views:q} --scene {input.scene:q}"
         " --judged {input.judged:q} --output {output:q} 2> {log:q}"
 
 
@@ -116,7 +116,7 @@ rule rings:
     message:
         "{wildcards.object}: drawing the cameras of {wildcards.scene}"
     shell:
-        "python -m silmesh.steps.rings --scene {input.scene:q} --threads {threads}"
+        "python -m silmesh.steps rings --scene {input.scene:q} --threads {threads}"
         " --output {output:q} 2> {log:q}"
 
 
@@ -162,5 +162,5 @@ rule page:
     message:
         "writing results/report/report.html"
     shell:
-        "python -m silmesh.steps.report --plan {params.plan:q} --losses {output.losses:q}"
+        "python -m silmesh.steps report --plan {params.plan:q} --losses {output.losses:q}"
         " --summary {output.summary:q} --page {output.page:q} 2> {log:q}"

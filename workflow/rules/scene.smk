@@ -25,6 +25,6 @@ rule scene:
     message:
         "{wildcards.object}: carving the visual hull"
     shell:
-        "python -m silmesh.steps.scene --views {input.views:q} --silhouettes {input.silhouettes:q}"
+        "python -m silmesh.steps scene --views {input.views:q} --silhouettes {input.silhouettes:q}"
         " --cameras {input.cameras:q} {params.world} --threads {threads}"
         " --output {output:q} 2> {log:q}"

@@ -13,7 +13,7 @@ rule fetch_weights:
     message:
         "fetching the weights of {wildcards.model}, unless the cache has them"
     shell:
-        "python -m silmesh.steps.fetch_weights {wildcards.model} --output {output:q}"
+        "python -m silmesh.steps fetch_weights {wildcards.model} --output {output:q}"
         " > {log:q} 2>&1"
 
 
@@ -41,5 +41,5 @@ rule silhouettes:
     message:
         "{wildcards.object}: finding silhouettes by {wildcards.source}"
     shell:
-        "python -m silmesh.steps.silhouettes --views {input.views:q} {params.settings}"
+        "python -m silmesh.steps silhouettes --views {input.views:q} {params.settings}"
         " --masks {input.masks:q} --output {output:q} 2> {log:q}"

@@ -24,5 +24,5 @@ rule synthetic:
     message:
         "{wildcards.name}: making the object and its photographs"
     shell:
-        "python -m silmesh.steps.synthetic {wildcards.name} --images {params.images:q}"
+        "python -m silmesh.steps synthetic {wildcards.name} --images {params.images:q}"
         " --masks {params.masks:q} --truth {output.truth:q} 2> {log:q}"

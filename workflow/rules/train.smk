@@ -24,6 +24,6 @@ if plan.config.train:
         message:
             "training DeepLabv3 on photographs with masks"
         shell:
-            "python -m silmesh.steps.train --datasets {input.table:q} {params.settings}"
+            "python -m silmesh.steps train --datasets {input.table:q} {params.settings}"
             " --threads {threads} --checkpoint {params.checkpoint:q}"
             " --table {output.table:q} --output {output.weights:q} 2> {log:q}"

@@ -16,4 +16,4 @@ rule truth:
     message:
         "{wildcards.object}: reading its true mesh"
     shell:
-        "python -m silmesh.steps.truth --mesh {input:q} --output {output:q} 2> {log:q}"
+        "python -m silmesh.steps truth --mesh {input:q} --output {output:q} 2> {log:q}"

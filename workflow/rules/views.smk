@@ -21,5 +21,5 @@ rule views:
     message:
         "{wildcards.object}: resizing its photographs"
     shell:
-        "python -m silmesh.steps.views --images {input.images:q}"
+        "python -m silmesh.steps views --images {input.images:q}"
         " {params.settings} --output {output:q} 2> {log:q}"

@@ -22,7 +22,7 @@ TICK = 0.5  # seconds between two looks at the clock
 PATIENCE = 10.0  # seconds that a stopped run has to end by itself
 
 STATISTICS = re.compile(r"(\w+) +(\d+)")
-STEP = re.compile(r".*python -m silmesh\.steps\.(\w+) ")
+STEP = re.compile(r".*python -m silmesh\.steps (\w+) ")
 BEGUN = re.compile(r"Job (\d+): (.*)")
 DONE = re.compile(r"Finished jobid: (\d+) \(Rule: (\w+)\)")
 PART = re.compile(r"(\w+)\b[^:]*: (\d+)/(\d+)")

@@ -28,7 +28,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         default=True,
         help="the camera is taken not to look up at the table unless perspective clearly says so",
     )
-    args.add_argument("--threads", type=int, default=torch.get_num_threads())
+    args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument("--output", type=Path, required=True, help="folder to make")
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)

@@ -21,7 +21,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--model", type=Path, required=True, help="folder of the model's stage")
     args.add_argument("--views", type=Path, required=True, help="folder of the working images")
     args.add_argument("--silhouettes", type=Path, required=True, help="folder of the silhouettes")
-    args.add_argument("--threads", type=int, default=torch.get_num_threads())
+    args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument("--output", type=Path, required=True, help="folder to make")
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)

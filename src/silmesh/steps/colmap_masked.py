@@ -31,7 +31,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--matching", choices=["exhaustive", "sequential"], required=True)
     args.add_argument("--mapping", choices=list(MAPPERS), required=True)
     args.add_argument("--seed", type=int, default=0)
-    args.add_argument("--threads", type=int, default=torch.get_num_threads())
+    args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument("--output", type=Path, required=True, help="folder to make")
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)

@@ -32,7 +32,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--align", action="store_true", help="lay the mesh on the truth first")
     args.add_argument("--holdout", type=int, default=0, help="every n-th view was kept out")
     args.add_argument("--sigma", type=float, required=True, help="as in the fit")
-    args.add_argument("--threads", type=int, default=torch.get_num_threads())
+    args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument("--results", type=Path, default=Path("results"), help="for relative paths")
     args.add_argument("--output", type=Path, required=True, help="metrics.json to write")
     given = args.parse_args(argv)

@@ -36,7 +36,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--sigma", type=float, default=1e-4, help="of auto's trials")
     args.add_argument("--laplacian", type=float, default=0.03, help="weight in auto's trials")
     args.add_argument("--flatten", type=float, default=0.0003, help="weight in auto's trials")
-    args.add_argument("--threads", type=int, default=torch.get_num_threads())
+    args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument("--output", type=Path, required=True, help="PLY to write")
     args.add_argument("--report", type=Path, required=True, help="init.json to write")
     given = args.parse_args(argv)

@@ -85,7 +85,7 @@ def _parse(argv: Sequence[str] | None) -> argparse.Namespace:
     only.add_argument("--seed", type=int, default=0)
     args.add_argument("--holdout", type=int, default=0, help="every n-th view is kept out")
     args.add_argument("--device", choices=["cpu", "cuda", "auto"], default="auto")
-    args.add_argument("--threads", type=int, default=torch.get_num_threads())
+    args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument("--name", default="fit", help="what progress lines call this fit")
     args.add_argument("--checkpoint", type=Path, help="file to go on from, and to leave if killed")
     args.add_argument("--code", default="", help="digest of the code, in the checkpoint's key")

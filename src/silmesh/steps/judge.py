@@ -37,7 +37,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--policy", choices=["keep", "drop", "repair"], required=True)
     args.add_argument("--fewest", type=int, default=3, help="views that must be left")
     args.add_argument("--keep-world", action="store_true", help="it is normalised already")
-    args.add_argument("--threads", type=int, default=torch.get_num_threads())
+    args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument("--output", type=Path, required=True, help="folder to make")
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)

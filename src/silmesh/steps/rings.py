@@ -21,7 +21,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Parse, load, call, save."""
     args = parser(__doc__)
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
-    args.add_argument("--threads", type=int, default=torch.get_num_threads())
+    args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument("--output", type=Path, required=True, help="PNG to write")
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)

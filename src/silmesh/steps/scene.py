@@ -27,7 +27,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--silhouettes", type=Path, required=True, help="folder of the silhouettes")
     args.add_argument("--cameras", type=Path, nargs="+", required=True, help="attempts' folders")
     args.add_argument("--keep-world", action="store_true", help="it is normalised already")
-    args.add_argument("--threads", type=int, default=torch.get_num_threads())
+    args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument("--output", type=Path, required=True, help="folder to make")
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)

@@ -40,7 +40,7 @@ def parse(argv: Sequence[str] | None) -> argparse.Namespace:
     args.add_argument("--size", type=int, required=True, help="of the composites, in pixels")
     args.add_argument("--learning-rate", type=float, required=True, help="the highest")
     args.add_argument("--seed", type=int, default=0)
-    args.add_argument("--threads", type=int, default=torch.get_num_threads())
+    args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument("--checkpoint", type=Path, required=True, help="to write, and to go on from")
     args.add_argument("--table", type=Path, required=True, help="epochs.csv to write")
     args.add_argument("--output", type=Path, required=True, help="file of weights to write")
