@@ -48,10 +48,10 @@ def test_volumes_are_those_of_the_solids():
 def test_corners_lie_where_the_power_puts_them():
     # On the diagonal 3 x^8 = 1, so x = 3^(-1/8) = 0.8717; of the cylinder's rim 2 x^8 = 1.
     corner = np.array([[1.0, 1, 1]]) / np.sqrt(3)
-    on_cube = corner / PRIMITIVES["cube"](corner)[:, None]
+    on_cube = corner / PRIMITIVES["cube"].level(corner, 8)[:, None]
     np.testing.assert_allclose(on_cube, [[0.8717] * 3], atol=1e-4)
     rim = np.array([[1.0, 1, 0]])
-    on_cylinder = rim / PRIMITIVES["cylinder"](rim)[:, None]
+    on_cylinder = rim / PRIMITIVES["cylinder"].level(rim, 8)[:, None]
     np.testing.assert_allclose(on_cylinder, [[2 ** (-1 / 8)] * 2 + [0]], atol=1e-9)
 
 
@@ -73,6 +73,20 @@ def test_a_primitive_finds_itself(shape):
     assert mean_iou(seen_from_all_around(found, cameras), seen) > 0.94
     assert found.volume == pytest.approx(truth.volume, rel=0.06)
     np.testing.assert_allclose(found.centroid, truth.centroid, atol=0.02)
+
+
+@pytest.mark.parametrize("shape", ["cylinder", "cube"])
+def test_a_primitive_is_as_round_as_the_silhouettes(shape):
+    """Of a box's corners, on the diagonal, the sharp one lies further out."""
+    cameras, volumes = turntable(12, SIZE, elevation=20), []
+    for power in (8.0, 2.5):
+        truth = unit_primitive(shape, 1000, power)
+        truth.apply_scale([0.15, 0.35, 0.25] if shape == "cube" else [0.2, 0.3, 0.2])
+        seen = seen_from_all_around(truth, cameras)
+        found = placed_primitive(shape, 300, seen, cameras)
+        assert mean_iou(seen_from_all_around(found, cameras), seen) > 0.95
+        volumes.append(found.volume / np.prod(found.extents))
+    assert volumes[0] > 1.15 * volumes[1]
 
 
 def test_a_lying_cylinder_is_found_along_its_axis():

@@ -2,9 +2,12 @@
 
 All are superquadrics of half-length 1 (Barr 1981), whose edges are rounded so that they deform
 well: x^p + y^p + z^p = 1 is a cube for a large p, (x^2 + z^2)^(p/2) + y^p = 1 a cylinder about y.
+The smaller p is, the rounder they are, down to the ellipsoid's 2; the silhouettes choose it.
 """
 
 from collections.abc import Callable, Iterable
+from operator import attrgetter
+from typing import NamedTuple
 
 import numpy as np
 import trimesh
@@ -15,38 +18,67 @@ from silmesh.shapes.even import even_mesh
 from silmesh.shapes.looks import look_smaller, mean_iou, render
 from silmesh.shapes.sphere import unit_sphere
 
-ROUNDING = 8  # the power p
+POWERS = (8.0, 4.0, 2.5)  # what p may be; the first where no silhouettes choose
 ROUNDS = 3  # of making the placed shape's silhouettes have the given ones' moments
 FINER = 4  # times as many vertices as are wanted, before these are spread evenly
 SIZE, VIEWS, VERTICES = 96, 18, 400  # of the looks in which placements are tried
 TURNS = 6  # placements of a cube about the upright axis
 
 
-def _ellipsoid(verts: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(verts, axis=1)
-
-
-def _cylinder(verts: np.ndarray) -> np.ndarray:
+def _cylinder(verts: np.ndarray, power: float) -> np.ndarray:
     around = np.linalg.norm(verts[:, [0, 2]], axis=1)
-    return (around**ROUNDING + np.abs(verts[:, 1]) ** ROUNDING) ** (1 / ROUNDING)
+    return (around**power + np.abs(verts[:, 1]) ** power) ** (1 / power)
 
 
-def _cube(verts: np.ndarray) -> np.ndarray:
-    return (np.abs(verts) ** ROUNDING).sum(axis=1) ** (1 / ROUNDING)
+def _cube(verts: np.ndarray, power: float) -> np.ndarray:
+    return (np.abs(verts) ** power).sum(axis=1) ** (1 / power)
 
 
-# By what a point is divided to lie on the surface.
-PRIMITIVES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
-    "ellipsoid": _ellipsoid,
-    "cylinder": _cylinder,
-    "cube": _cube,
+class _Placed(NamedTuple):
+    """A primitive where the silhouettes are.
+
+    Attributes:
+        iou: with them
+        power: of the superquadric
+        axes: [3, 3], the directions of its x, y and z
+        to_world: [4, 4], from half-length 1 about the origin
+    """
+
+    iou: float
+    power: float
+    axes: np.ndarray
+    to_world: np.ndarray
+
+
+class _Family(NamedTuple):
+    """Superquadrics of one kind.
+
+    Attributes:
+        level: by what a point is divided to lie on the surface of this power
+        powers: to try
+    """
+
+    level: Callable[[np.ndarray, float], np.ndarray]
+    powers: tuple[float, ...]
+
+
+PRIMITIVES = {
+    "ellipsoid": _Family(_cube, (2.0,)),
+    "cylinder": _Family(_cylinder, POWERS),
+    "cube": _Family(_cube, POWERS),
 }
 
 
-def unit_primitive(shape: str, vertices: int) -> trimesh.Trimesh:
-    """A primitive of half-length 1 about the origin, closed and oriented outwards."""
-    mesh = unit_sphere(vertices)
-    verts = mesh.vertices / PRIMITIVES[shape](mesh.vertices)[:, None]
+def unit_primitive(shape: str, vertices: int, power: float | None = None) -> trimesh.Trimesh:
+    """A primitive of half-length 1 about the origin, closed and oriented outwards.
+
+    Args:
+        shape: a key of ``PRIMITIVES``
+        vertices: how many
+        power: how sharp its edges are; None for the sharpest that is tried
+    """
+    mesh, family = unit_sphere(vertices), PRIMITIVES[shape]
+    verts = mesh.vertices / family.level(mesh.vertices, power or family.powers[0])[:, None]
     return trimesh.Trimesh(verts, mesh.faces, process=False)
 
 
@@ -61,7 +93,8 @@ def placed_primitive(
     """A primitive where the silhouettes are: closed, oriented outwards, with even triangles.
 
     Of several directions of its axes the one is taken whose silhouettes overlap the given ones
-    most; centre and lengths are such that they have the same moments.
+    most, and in that direction the roundness; centre and lengths are such that they have the same
+    moments.
 
     Args:
         silhouettes: [views, height, width] bool
@@ -69,11 +102,18 @@ def placed_primitive(
     """
     target = find_ellipsoid(silhouettes, cameras)
     seen, eyes = look_smaller(silhouettes, cameras, SIZE, VIEWS)
-    unit = unit_primitive(shape, VERTICES)
-    tried = [_place(unit, axes, target, seen, eyes) for axes in _directions(shape, target, cameras)]
-    to_world = max(tried, key=lambda placed: placed[0])[1]
-    fine = unit_primitive(shape, FINER * vertices)
-    fine.apply_transform(to_world)
+    sharpest, *rounder = PRIMITIVES[shape].powers
+
+    def place(axes: np.ndarray, power: float) -> _Placed:
+        return _place(shape, power, axes, target, seen, eyes)
+
+    best = max(
+        (place(axes, sharpest) for axes in _directions(shape, target, cameras)),
+        key=attrgetter("iou"),
+    )
+    best = max([best, *(place(best.axes, power) for power in rounder)], key=attrgetter("iou"))
+    fine = unit_primitive(shape, FINER * vertices, best.power)
+    fine.apply_transform(best.to_world)
     return even_mesh(fine, vertices)
 
 
@@ -103,14 +143,15 @@ def _directions(shape: str, target: Ellipsoid, cameras: Cameras) -> Iterable[np.
 
 
 def _place(
-    unit: trimesh.Trimesh,
+    shape: str,
+    power: float,
     axes: np.ndarray,
     target: Ellipsoid,
     silhouettes: np.ndarray,
     cameras: Cameras,
-) -> tuple[float, np.ndarray]:
-    """IoU with the silhouettes, and the matrix [4, 4] that stretches, turns and moves it there."""
-    size = silhouettes.shape[1:]
+) -> _Placed:
+    """Stretch, turn and move a primitive until its silhouettes have the target's moments."""
+    unit, size = unit_primitive(shape, VERTICES, power), silhouettes.shape[1:]
     to_world = _matrix(axes, target.lengths(axes), target.centre)
     rendered = render(unit.copy().apply_transform(to_world), cameras, size)
     for _ in range(ROUNDS):
@@ -121,7 +162,7 @@ def _place(
         lengths *= target.lengths(axes) / found.lengths(axes)
         to_world = _matrix(axes, lengths, to_world[:3, 3] + target.centre - found.centre)
         rendered = render(unit.copy().apply_transform(to_world), cameras, size)
-    return mean_iou(rendered, silhouettes), to_world
+    return _Placed(mean_iou(rendered, silhouettes), power, axes, to_world)
 
 
 def _matrix(axes: np.ndarray, lengths: np.ndarray, centre: np.ndarray) -> np.ndarray:
