@@ -339,6 +339,7 @@ class FastFit(_Fit):
     coarse_to_fine: Truth = Field(True, description="begin with smaller, softer images")
     refine_cameras: Truth = Field(True, description="correct the cameras alongside")
     remesh: Truth = Field(True, description="give the mesh new edges when they are uneven")
+    untangle: Truth = Field(True, description="in the end turn parts that are inside out")
 
 
 def _preset_of(fit: Any) -> str:

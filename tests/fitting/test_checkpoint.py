@@ -22,7 +22,7 @@ from silmesh.meshes import to_tensors
 from silmesh.shapes.sphere import unit_sphere
 
 SOFTRAS = SoftRasSettings(12, 0.01, (0.5, 0.99), 1e-4, 0.03, 0.0003)
-FAST = FastSettings(60, 0.5, (0.9, 0.999), 1e-4, 0.1, 5e-5, 1.0, 2, True, True, True, 0)
+FAST = FastSettings(60, 0.5, (0.9, 0.999), 1e-4, 0.1, 5e-5, 1.0, 2, True, True, True, True, 0)
 
 
 class Killed(Exception):  # noqa: N818

@@ -14,10 +14,13 @@ from silmesh.fitting.cameras import SHARED_SD
 from silmesh.fitting.fast import Fast, Settings
 from silmesh.fitting.loop import run
 from silmesh.meshes import to_tensors
+from silmesh.quality import count_intersections
 from silmesh.shapes.sphere import unit_sphere
 
 AXES, CENTRE = (0.4, 0.22, 0.3), (0.05, -0.1, 0.0)
-TOLD = Settings(300, 0.5, (0.9, 0.999), (0.24 / 64) ** 2, 0.1, 5e-5, 1.0, 6, True, True, True, 0)
+TOLD = Settings(
+    300, 0.5, (0.9, 0.999), (0.24 / 64) ** 2, 0.1, 5e-5, 1.0, 6, True, True, True, True, 0
+)
 
 
 def scene(count=12, size=64, elevation=20.0):
@@ -151,3 +154,19 @@ def test_a_step_far_too_long_is_shortened():
     cameras, seen = scene(6)
     _, records = fitted(cameras, seen, replace(TOLD, iterations=20, learning_rate=1e21))
     assert all(math.isfinite(record.loss) for record in records)
+
+
+@pytest.mark.parametrize(("untangle", "crossed"), [(True, False), (False, True)])
+def test_a_wing_that_is_inside_out_is_turned_after_the_last_step(untangle, crossed):
+    mesh = unit_sphere(642)
+    verts = 2 * mesh.vertices * [0.4, 0.01, 0.3]
+    verts[:, 1] -= (
+        0.06 * np.exp(-(verts[:, 0] ** 2 + verts[:, 2] ** 2) / 0.05) * np.sign(verts[:, 1])
+    )
+    cameras = turntable(4, 64, elevation=20)
+    seen = torch.tensor(silhouettes(cameras, [0.4, 0.01, 0.3]), dtype=torch.float32)
+    template = torch.tensor(verts, dtype=torch.float32), torch.tensor(mesh.faces)
+    told = replace(TOLD, iterations=1, learning_rate=1e-3, remesh=False, untangle=untangle)
+    fit = Fast(*template, cameras, seen, told)
+    run(fit)
+    assert bool(count_intersections(fit.verts.numpy(), fit.faces.numpy())) == crossed

@@ -172,7 +172,7 @@ def fast_settings(fit):
     """The arguments that only the preset fast takes."""
     switches = (
         f"--{'' if getattr(fit, name) else 'no-'}{name.replace('_', '-')}"
-        for name in ("coarse_to_fine", "refine_cameras", "remesh")
+        for name in ("coarse_to_fine", "refine_cameras", "remesh", "untangle")
     )
     return (
         f"--smoothing {fit.smoothing} --batch {fit.batch} --seed {fit.seed} "

@@ -22,6 +22,7 @@ from silmesh.fitting.loop import refuse_not_finite
 from silmesh.fitting.losses import Flatten, Laplacian, iou_loss
 from silmesh.fitting.place import place
 from silmesh.fitting.smooth import Smooth, UniformAdam
+from silmesh.fitting.untangle import untangle
 from silmesh.remesh import even_length, remesh
 from silmesh.softras import soft_silhouettes
 
@@ -36,6 +37,7 @@ STRETCHED = 0.35  # standard deviation of the edges' lengths over their mean tha
 FINER = 0.7  # mean of the edges over their wished length that does so, too
 SHORTEST = 1.0  # pixels of the working images: no edge is wished shorter
 REMESH_PASSES = 3
+APART = 0.1  # pixels of the working images between two sides that had passed through each other
 
 
 @dataclass(frozen=True)
@@ -50,7 +52,7 @@ class Settings:
         laplacian, flatten: weights of the two smoothness terms
         smoothing: how far a step spreads over the mesh, in squared edges
         batch: views in a step; 0 for all
-        coarse_to_fine, refine_cameras, remesh: whether this is done
+        coarse_to_fine, refine_cameras, remesh, untangle: whether this is done
         seed: of the batches' order
     """
 
@@ -65,6 +67,7 @@ class Settings:
     coarse_to_fine: bool
     refine_cameras: bool
     remesh: bool
+    untangle: bool
     seed: int
 
 
@@ -136,6 +139,8 @@ class Fast:
         losses = refuse_not_finite(torch.stack([loss, *terms]).tolist())
         self._move(loss, level)
         self._count_round(losses[0])
+        if self.done and told.untangle:
+            self._untangle()
         return losses
 
     def _cameras(self) -> Cameras:
@@ -190,6 +195,12 @@ class Fast:
             new = remesh(*old, length, REMESH_PASSES)
             verts, faces = (torch.from_numpy(part).to(self.faces.device) for part in new)
             self._take_mesh(verts.float(), faces)
+
+    def _untangle(self) -> None:
+        old = self.verts.double().cpu().numpy()
+        new = untangle(old, self.faces.cpu().numpy(), APART * self._levels[-1].pixel)
+        if new is not old:
+            self._take_mesh(torch.from_numpy(new).float().to(self.faces.device), self.faces)
 
     def _take_mesh(self, verts: Tensor, faces: Tensor) -> None:
         self._take_faces(faces, len(verts))

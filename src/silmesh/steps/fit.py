@@ -80,7 +80,7 @@ def _parse(argv: Sequence[str] | None) -> argparse.Namespace:
     only = args.add_argument_group("of the preset fast only")
     only.add_argument("--smoothing", type=float, help="how far a step spreads, in squared edges")
     only.add_argument("--batch", type=int, help="views in a step; 0 for all")
-    for switch in ("--coarse-to-fine", "--refine-cameras", "--remesh"):
+    for switch in ("--coarse-to-fine", "--refine-cameras", "--remesh", "--untangle"):
         only.add_argument(switch, action=argparse.BooleanOptionalAction, default=True)
     only.add_argument("--seed", type=int, default=0)
     args.add_argument("--holdout", type=int, default=0, help="every n-th view is kept out")
