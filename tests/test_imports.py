@@ -15,7 +15,7 @@ import pytest
 
 from silmesh.provenance import SOURCE
 
-BASE = {"errors", "files"}
+BASE = {"errors", "files", "progress"}
 GROUND = {"cameras.camera", "cameras.lens", "softras", "hull", "remesh", "straighten"}
 ON = {  # what a module of it stands on
     "cameras.camera": {"cameras.lens"},

@@ -3,8 +3,11 @@
 import os
 import sys
 import time
+from collections.abc import Callable
 
+Share = Callable[[float], None]  # is told which share of a step is done, from 0 to 1
 EVERY = "SILMESH_PROGRESS"  # names the seconds between lines, which are then always written
+HUNDRED = 100
 
 
 class Progress:
@@ -36,3 +39,18 @@ class Progress:
         parts = [f"{self._what}: {done}/{self._total}", detail, end]
         sys.stdout.write(", ".join(part for part in parts if part) + "\n")
         sys.stdout.flush()
+
+
+def share_of(what: str) -> Share:
+    """Progress, in hundredths, of a step that knows only which share of it is done."""
+    progress = Progress(what, HUNDRED)
+    return lambda share: progress(int(HUNDRED * share))
+
+
+def untold(share: float) -> None:
+    """Progress that nobody asks for."""
+
+
+def within(progress: Share, start: float, end: float) -> Share:
+    """Progress of a part of a step, which begins and ends at these shares of the whole."""
+    return lambda share: progress(start + share * (end - start))

@@ -28,12 +28,14 @@ from silmesh.cameras.turning import (
     mirrored,
 )
 from silmesh.errors import InputError
+from silmesh.progress import Share, untold, within
 
 FEWEST_VIEWS = 3
 POINTS, FEWEST_SAMPLES, MOST_SAMPLES = 1728, 32, 96  # of all outlines together; of each
 STARTS = [(e, a) for e in (4.0, 14.0, 28.0) for a in (8.0, 20.0)]  # elevation, half angle
 ARCS = (360.0, 270.0, 180.0, 120.0, 90.0)  # degrees that views at an unknown step may cover
 COARSE_STEPS, FINE_STEPS, OFFSET_STEPS = 12, 20, 6  # evaluations of the residuals
+SEARCHED, REFINED, RESOLVED = 0.5, 0.75, 0.8  # shares of the time, by which these are done
 RIVAL, RIVALS = 3.0, 4  # ratio of the costs up to which worse starts are refined; at most so many
 SAME = 0.02  # relative difference of two steps under which they are one
 FOLDS = 8  # arcs of an outline; every other one is held out to judge errors of the steps
@@ -105,6 +107,7 @@ def calibrate(
     distance: float | None = None,
     above_table: bool = True,
     aspect: float = 1.0,
+    progress: Share = untold,
 ) -> Calibration:
     """Find the cameras of a turntable.
 
@@ -118,6 +121,7 @@ def calibrate(
             clearly says so; it tells an object from its mirror image, which turns the other way
             before a camera below
         aspect: height over width of a square's image, for photographs that were stretched
+        progress: is told which share is done
 
     Raises:
         InputError: fewer than 3 views, a silhouette without an outline, or silhouettes that no
@@ -133,13 +137,19 @@ def calibrate(
     turn = Turntable(outlines, silhouettes.shape[1], aspect, distance)
     known = [i for i, value in ((ELEVATION, elevation), (STEP, step)) if value is not None]
     sides = (1,) if above_table else (1, -1)
-    starts = _search(turn, step, elevation, sides)
-    fits = [turn.fit(start, _free(turn, known), FINE_STEPS) for start in starts]
+    starts = _search(turn, step, elevation, sides, within(progress, 0, SEARCHED))
+    refining = within(progress, SEARCHED, REFINED)
+    fits = []
+    for done, start in enumerate(starts, start=1):
+        fits.append(turn.fit(start, _free(turn, known), FINE_STEPS))
+        refining(done / len(starts))
     fits = sorted(fits, key=lambda fit: turn.cost(fit.x))
     mirror = "elevation"
     if elevation is None:
         fits, mirror = _resolve_mirror(turn, fits, _free(turn, known), above_table)
+    progress(RESOLVED)
     best = _fit_offsets(turn, fits[0], known)
+    progress(1)
     misses = turn.misses(best.x)
     said = _look_at(turn, silhouettes, views)
     _refuse_incoherent(turn, misses, said)
@@ -147,7 +157,7 @@ def calibrate(
 
 
 def attempt_calibration(
-    silhouettes: np.ndarray, views: Sequence[str], **known: float | bool | None
+    silhouettes: np.ndarray, views: Sequence[str], **known: float | bool | Share | None
 ) -> Attempt:
     """``calibrate`` with the same arguments, as an attempt: a refusal is kept, not raised."""
     try:
@@ -173,7 +183,11 @@ def _free(turn: Turntable, known: Sequence[int], offsets: bool = False) -> np.nd
 
 
 def _search(
-    turn: Turntable, step: float | None, elevation: float | None, sides: Sequence[int]
+    turn: Turntable,
+    step: float | None,
+    elevation: float | None,
+    sides: Sequence[int],
+    progress: Share,
 ) -> list[np.ndarray]:
     """The parameters to refine, found on fewer views.
 
@@ -188,12 +202,11 @@ def _search(
         starts, sides = [(elevation, angle) for _, angle in STARTS[:2]], (1,)
     free = _free(thin, [STEP] if elevation is None else [STEP, ELEVATION])
     found = []
-    for turning in [direction * s for direction in (1, -1) for s in steps]:
-        for side in sides:
-            fits = [
-                thin.fit(thin.start(side * e, a, turning), free, COARSE_STEPS) for e, a in starts
-            ]
-            found.append(min(((thin.cost(fit.x), fit.x) for fit in fits), key=lambda pair: pair[0]))
+    ways = [(direction * s, side) for direction in (1, -1) for s in steps for side in sides]
+    for turning, side in ways:
+        fits = [thin.fit(thin.start(side * e, a, turning), free, COARSE_STEPS) for e, a in starts]
+        found.append(min(((thin.cost(fit.x), fit.x) for fit in fits), key=lambda pair: pair[0]))
+        progress(len(found) / len(ways))
     found.sort(key=lambda pair: pair[0])
     most = RIVAL * found[0][0] + NOISE**2
     best = [x[: len(NAMES)] for cost, x in found[:RIVALS] if cost < most]

@@ -7,7 +7,7 @@ one focal length share a camera.
 
 import hashlib
 import shutil
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from pathlib import Path
@@ -20,6 +20,7 @@ from scipy.ndimage import binary_dilation
 
 from silmesh.cameras.stages import DATABASE, Report
 from silmesh.errors import InputError
+from silmesh.progress import Share, untold
 from silmesh.views import View, read_image
 
 LENS = "SIMPLE_RADIAL"  # focal length, principal point, one radial coefficient
@@ -43,7 +44,14 @@ class Photograph(NamedTuple):
     descriptors: np.ndarray  # [n, 128] uint8
 
 
-def extract(paths: Sequence[Path], max_size: int, count: int, threads: int, folder: Path) -> Report:
+def extract(
+    paths: Sequence[Path],
+    max_size: int,
+    count: int,
+    threads: int,
+    folder: Path,
+    progress: Share = untold,
+) -> Report:
     """Find the features of photographs and write ``<folder>/database.db``.
 
     Args:
@@ -51,6 +59,7 @@ def extract(paths: Sequence[Path], max_size: int, count: int, threads: int, fold
         max_size: of the longer side in pixels, above which photographs are made smaller first
         count: the most features that are kept of each
         threads: processes; the result does not depend on it
+        progress: is told which share is done
 
     Raises:
         InputError: the photographs are an array, too few, too small, or without texture
@@ -59,14 +68,23 @@ def extract(paths: Sequence[Path], max_size: int, count: int, threads: int, fold
     work = partial(_look_at, max_size=max_size, count=count)
     if threads > 1:
         with ProcessPoolExecutor(threads) as pool:
-            found = list(pool.map(work, paths))
+            found = _follow(pool.map(work, paths), len(paths), progress)
     else:
-        found = list(map(work, paths))
+        found = _follow(map(work, paths), len(paths), progress)
     repeated = _find_repeated(found)
     _refuse_few(len(found), repeated)
     report = _describe(found, repeated)
     _write_database(folder / DATABASE, [p for p in found if p.view not in repeated], found)
     return report
+
+
+def _follow(looks: Iterable[Photograph], count: int, progress: Share) -> list[Photograph]:
+    """The photographs as they are looked at, each told of."""
+    found = []
+    for photograph in looks:
+        found.append(photograph)
+        progress(len(found) / count)
+    return found
 
 
 def _refuse_array(paths: Sequence[Path]) -> None:

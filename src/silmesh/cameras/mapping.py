@@ -1,6 +1,7 @@
 """From matches to cameras and points: COLMAP's mappers, on one thread so that they repeat."""
 
 from collections.abc import Callable, Mapping
+from itertools import count
 from pathlib import Path
 
 import PIL.Image  # noqa: F401, before pycolmap, or saving a PNG crashes
@@ -10,17 +11,26 @@ from silmesh.cameras.features import quieten
 from silmesh.cameras.matching import linked
 from silmesh.cameras.stages import MODEL, Report
 from silmesh.errors import InputError
+from silmesh.progress import Share, untold
 
 SMALLEST = 3  # views of a model
 GROWTH = 1.4  # of the views or points, after which all of them are adjusted again
 
 
-def map_views(database: Path, mapping: str, seed: int, folder: Path, before: Report) -> Report:
+def map_views(
+    database: Path,
+    mapping: str,
+    seed: int,
+    folder: Path,
+    before: Report,
+    progress: Share = untold,
+) -> Report:
     """Find cameras and points, and write the model with the most views to ``<folder>/model/``.
 
     Args:
         database: of the matches
         mapping: a key of ``MAPPERS``
+        progress: is told which share is done, by ``incremental`` of the views
 
     Raises:
         InputError: the mapper finds no model
@@ -28,8 +38,9 @@ def map_views(database: Path, mapping: str, seed: int, folder: Path, before: Rep
     quieten()
     scratch = folder / "models"
     scratch.mkdir()
-    models = MAPPERS[mapping](database, scratch, seed)
     links = linked(database)
+    models = MAPPERS[mapping](database, scratch, seed, _count_to(len(links), progress))
+    progress(1)
     report = before.tell(models=[m.num_reg_images() for m in models.values()], linked=links)
     if not models:
         raise InputError(_say_none(report))
@@ -42,7 +53,15 @@ def map_views(database: Path, mapping: str, seed: int, folder: Path, before: Rep
     return report
 
 
-def _map_step_by_step(database: Path, scratch: Path, seed: int) -> Mapping:
+def _count_to(views: int, progress: Share) -> Callable[[], None]:
+    """What is called with each view that finds its place; if more models begin, more than once."""
+    placed = count(1)
+    return lambda: progress(min(next(placed) / views, 1 - 1 / views))
+
+
+def _map_step_by_step(
+    database: Path, scratch: Path, seed: int, placed: Callable[[], None]
+) -> Mapping:
     options = pycolmap.IncrementalPipelineOptions(
         num_threads=1, random_seed=seed, min_model_size=SMALLEST, extract_colors=False
     )
@@ -50,10 +69,12 @@ def _map_step_by_step(database: Path, scratch: Path, seed: int) -> Mapping:
         part.random_seed = seed
     options.ba_global_frames_ratio = options.ba_global_points_ratio = GROWTH
     options.mapper.num_threads = 1
-    return pycolmap.incremental_mapping(database, scratch, scratch, options)
+    return pycolmap.incremental_mapping(
+        database, scratch, scratch, options, next_image_callback=placed
+    )
 
 
-def _map_at_once(database: Path, scratch: Path, seed: int) -> Mapping:
+def _map_at_once(database: Path, scratch: Path, seed: int, placed: Callable[[], None]) -> Mapping:
     options = pycolmap.GlobalPipelineOptions(
         num_threads=1, random_seed=seed, min_model_size=SMALLEST
     )
@@ -65,7 +86,7 @@ def _map_at_once(database: Path, scratch: Path, seed: int) -> Mapping:
     return pycolmap.global_mapping(database, scratch, scratch, options)
 
 
-MAPPERS: dict[str, Callable[[Path, Path, int], Mapping]] = {
+MAPPERS: dict[str, Callable[[Path, Path, int, Callable[[], None]], Mapping]] = {
     "incremental": _map_step_by_step,
     "global": _map_at_once,
 }

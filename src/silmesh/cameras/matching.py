@@ -5,6 +5,7 @@ photographs cannot be on an object that turned, nor be seen by a camera that wen
 """
 
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,14 +15,22 @@ import pycolmap
 from silmesh.cameras.features import quieten
 from silmesh.cameras.stages import DATABASE, Report
 from silmesh.errors import InputError
+from silmesh.progress import Share, untold
 
 OVERLAP = 10  # neighbours on either side that are matched in an ordered capture
 STILL = 2.0  # pixels that a feature may move and still be of the background
+TOLD, FEWEST = 20, 32  # times that progress is told at most, and pairs between two of them
 TRIALS = 2000  # of the search for a pair's geometry: finds one that 45 % of the matches fit
 
 
 def match(
-    database: Path, matching: str, seed: int, threads: int, folder: Path, before: Report
+    database: Path,
+    matching: str,
+    seed: int,
+    threads: int,
+    folder: Path,
+    before: Report,
+    progress: Share = untold,
 ) -> Report:
     """Match the features of pairs of photographs, and write them to ``<folder>/database.db``.
 
@@ -30,6 +39,7 @@ def match(
         matching: ``exhaustive``: every pair; ``sequential``: neighbours in a closed round
         seed: of the search for geometries
         threads: the matches do not depend on it
+        progress: is told which share is done
 
     Raises:
         InputError: no two photographs overlap
@@ -39,8 +49,18 @@ def match(
     with pycolmap.Database.open(database) as opened:
         names = [image.name for image in sorted(opened.read_all_images(), key=_number)]
     pairs = pair_up(len(names), matching)
+    lines = [f"{names[i]} {names[j]}\n" for i, j in pairs]
+    step = max(FEWEST, -(-len(lines) // TOLD))
+    for start in range(0, len(lines), step):
+        _match_listed(folder, lines[start : start + step], seed, threads)
+        progress(min(1.0, (start + step) / len(lines)))
+    return before.tell(**_count_verified(folder / DATABASE, len(pairs)))
+
+
+def _match_listed(folder: Path, lines: Sequence[str], seed: int, threads: int) -> None:
+    """Match these pairs of names; what comes of a pair does not depend on the others."""
     listed = folder / "pairs.txt"
-    listed.write_text("".join(f"{names[i]} {names[j]}\n" for i, j in pairs))
+    listed.write_text("".join(lines))
     geometry = pycolmap.TwoViewGeometryOptions()
     geometry.ransac.random_seed = seed
     geometry.ransac.max_num_trials = TRIALS
@@ -54,7 +74,6 @@ def match(
         pycolmap.Device.cpu,
     )
     listed.unlink()
-    return before.tell(**_count_verified(folder / DATABASE, len(pairs)))
 
 
 def pair_up(count: int, matching: str) -> list[tuple[int, int]]:

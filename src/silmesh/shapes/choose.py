@@ -10,6 +10,7 @@ import torch
 import trimesh
 
 from silmesh.cameras.camera import Cameras
+from silmesh.progress import Share, untold
 from silmesh.shapes.looks import look_smaller
 
 SIZE, VIEWS = 64, 12  # of the looks in which meshes are tried
@@ -44,6 +45,7 @@ def score_meshes(
     silhouettes: np.ndarray,
     cameras: Cameras,
     trial: Trial,
+    progress: Share = untold,
 ) -> dict[str, Score]:
     """Try each first mesh; the best come first.
 
@@ -54,16 +56,20 @@ def score_meshes(
         silhouettes: [views, height, width] bool
         cameras: of these views, in the normalised world
         trial: fits a mesh
+        progress: is told which share is done, if as many go on as may
     """
     small, eyes = look_smaller(silhouettes, cameras, SIZE, VIEWS)
     trials = {name: trial(mesh, eyes, small) for name, mesh in meshes.items()}
     losses: dict[str, list[float]] = {name: [] for name in meshes}
     scores: dict[str, Score] = {}
     going = list(meshes)
+    total = _count_steps(len(meshes))
     for steps, kept, factor in ROUNDS:
 
         def go_on(name: str, to: int = steps) -> None:
-            losses[name] += islice(trials[name], to + 1 - len(losses[name]))
+            for loss in islice(trials[name], to + 1 - len(losses[name])):
+                losses[name].append(loss)
+                progress(sum(map(len, losses.values())) / (total + 1))
 
         share(go_on, going)
         tried = {name: _score(losses[name], steps) for name in going}
@@ -74,7 +80,16 @@ def score_meshes(
         going = [name for name in going[:kept] if tried[name].after <= near]
         if len(going) == 1:  # the choice is made
             break
+    progress(1)
     return scores
+
+
+def _count_steps(meshes: int) -> int:
+    """The most steps of all rounds together, each with the loss before the first."""
+    ends = [steps for steps, _, _ in ROUNDS]
+    going = [meshes, *(min(kept, meshes) for _, kept, _ in ROUNDS[:-1])]
+    longer = zip(ends, [-1, *ends[:-1]], going, strict=True)
+    return sum((end - before) * count for end, before, count in longer)
 
 
 def _score(losses: list[float], steps: int) -> Score:

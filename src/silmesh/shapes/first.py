@@ -10,6 +10,7 @@ import trimesh
 from silmesh.cameras.camera import Cameras
 from silmesh.errors import InputError
 from silmesh.hull import is_cut
+from silmesh.progress import Share, untold
 from silmesh.shapes.carved import Carved, EmptyHull, hull_mesh, prism_mesh
 from silmesh.shapes.choose import VERTICES, Score, Trial, score_meshes, share
 from silmesh.shapes.place import align_to_box, choose_count, choose_report_count, to_unit
@@ -55,7 +56,11 @@ class First:
 
 
 def first_mesh(
-    init: Init, silhouettes: np.ndarray, cameras: Cameras, trial: Trial | None = None
+    init: Init,
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+    trial: Trial | None = None,
+    progress: Share = untold,
 ) -> First:
     """Make a first mesh at unit size; the fit halves it.
 
@@ -66,6 +71,7 @@ def first_mesh(
         silhouettes: [views, height, width] bool
         cameras: of these views, in the normalised world
         trial: fits for a few steps; needed for ``auto``
+        progress: is told which share of these fits is done
 
     Raises:
         InputError: too few vertices
@@ -75,7 +81,7 @@ def first_mesh(
     scores, warnings = {}, []
     shape = init.shape
     if shape == "auto":
-        scores, warnings = _score(init, silhouettes, cameras, trial)
+        scores, warnings = _score(init, silhouettes, cameras, trial, progress)
         shape = next(iter(scores))
     try:
         mesh, told = _make(replace(init, shape=shape), silhouettes, cameras)
@@ -122,7 +128,7 @@ def _make(
 
 
 def _score(
-    init: Init, silhouettes: np.ndarray, cameras: Cameras, trial: Trial | None
+    init: Init, silhouettes: np.ndarray, cameras: Cameras, trial: Trial | None, progress: Share
 ) -> tuple[dict[str, Score], list[str]]:
     """How every placed shape does, the best first, and why some are not among them."""
     if trial is None:
@@ -138,7 +144,7 @@ def _score(
 
     share(make, PLACED)
     meshes = {shape: meshes[shape] for shape in PLACED if shape in meshes}
-    return score_meshes(meshes, silhouettes, cameras, trial), warnings
+    return score_meshes(meshes, silhouettes, cameras, trial, progress), warnings
 
 
 def _warnings(told: Mapping[str, Any], silhouettes: np.ndarray, cameras: Cameras) -> list[str]:

@@ -9,6 +9,7 @@ import torch
 
 from silmesh.cameras.attempt import write_attempt
 from silmesh.cameras.calibrate import attempt_calibration
+from silmesh.progress import share_of
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import parser, run
 from silmesh.views import read_views
@@ -45,6 +46,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         distance=given.distance,
         above_table=given.above_table,
         aspect=aspect,
+        progress=share_of(f"calibrate {given.output}"),
     )
     for warning in attempt.warnings:
         print(f"silmesh: {warning}", file=sys.stderr)

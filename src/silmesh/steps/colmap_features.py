@@ -5,6 +5,7 @@ from pathlib import Path
 
 from silmesh.cameras.features import extract
 from silmesh.cameras.stages import Report, make_stage
+from silmesh.progress import share_of
 from silmesh.steps.command import parser, run
 
 
@@ -17,10 +18,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--threads", type=int, default=1)
     args.add_argument("--output", type=Path, required=True, help="folder to make")
     given = args.parse_args(argv)
+    progress = share_of(f"colmap_features {given.output}")
     make_stage(
         given.output,
         Report(),
-        lambda part, _: extract(given.images, given.max_size, given.features, given.threads, part),
+        lambda part, _: extract(
+            given.images, given.max_size, given.features, given.threads, part, progress
+        ),
     )
 
 

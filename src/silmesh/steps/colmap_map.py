@@ -5,6 +5,7 @@ from pathlib import Path
 
 from silmesh.cameras.mapping import MAPPERS, map_views
 from silmesh.cameras.stages import DATABASE, make_stage, read_report
+from silmesh.progress import share_of
 from silmesh.steps.command import parser, run
 
 
@@ -16,11 +17,12 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--seed", type=int, default=0)
     args.add_argument("--output", type=Path, required=True, help="folder to make")
     given = args.parse_args(argv)
+    progress = share_of(f"colmap_map {given.output}")
     make_stage(
         given.output,
         read_report(given.matches),
         lambda part, report: map_views(
-            given.matches / DATABASE, given.mapping, given.seed, part, report
+            given.matches / DATABASE, given.mapping, given.seed, part, report, progress
         ),
     )
 

@@ -12,6 +12,7 @@ from silmesh.cameras.features import keep_inside
 from silmesh.cameras.mapping import MAPPERS, map_views
 from silmesh.cameras.matching import match
 from silmesh.cameras.stages import DATABASE, make_stage, read_report
+from silmesh.progress import share_of, within
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.colmap import judge
 from silmesh.steps.command import parser, run
@@ -19,6 +20,7 @@ from silmesh.views import read_views
 
 COHERENT = 0.9  # hull IoU from which cameras that were found without masks are good enough
 SOURCE = "colmap, masked"
+MATCHED = 0.6  # share of the time, by which the photographs are matched
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -38,6 +40,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     attempt = _good_enough(given.unmasked)
     if attempt is None:
         views = read_views(given.views)
+        progress = share_of(f"colmap_masked {given.output}")
         seen = read_silhouettes(given.silhouettes, [view.view for view in views])
         with TemporaryDirectory(dir=given.output.parent, prefix=".part-") as scratch:
             inside, matches, model = (Path(scratch) / name for name in ("f", "m", "s"))
@@ -52,14 +55,25 @@ def main(argv: Sequence[str] | None = None) -> None:
                 matches,
                 read_report(inside),
                 lambda part, report: match(
-                    inside / DATABASE, given.matching, given.seed, given.threads, part, report
+                    inside / DATABASE,
+                    given.matching,
+                    given.seed,
+                    given.threads,
+                    part,
+                    report,
+                    within(progress, 0, MATCHED),
                 ),
             )
             make_stage(
                 model,
                 read_report(matches),
                 lambda part, report: map_views(
-                    matches / DATABASE, given.mapping, given.seed, part, report
+                    matches / DATABASE,
+                    given.mapping,
+                    given.seed,
+                    part,
+                    report,
+                    within(progress, MATCHED, 1),
                 ),
             )
             attempt = judge(SOURCE, model, views, given.silhouettes)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from silmesh.cameras.matching import match
 from silmesh.cameras.stages import DATABASE, make_stage, read_report
+from silmesh.progress import share_of
 from silmesh.steps.command import parser, run
 
 
@@ -17,11 +18,18 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--threads", type=int, default=1)
     args.add_argument("--output", type=Path, required=True, help="folder to make")
     given = args.parse_args(argv)
+    progress = share_of(f"colmap_matches {given.output}")
     make_stage(
         given.output,
         read_report(given.features),
         lambda part, report: match(
-            given.features / DATABASE, given.matching, given.seed, given.threads, part, report
+            given.features / DATABASE,
+            given.matching,
+            given.seed,
+            given.threads,
+            part,
+            report,
+            progress,
         ),
     )
 

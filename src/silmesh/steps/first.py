@@ -15,6 +15,7 @@ from silmesh.files import replacing
 from silmesh.fitting.loop import NotFinite
 from silmesh.fitting.softras import Settings, SoftRas
 from silmesh.meshes import to_tensors
+from silmesh.progress import share_of
 from silmesh.scene import SILHOUETTES, read_scene
 from silmesh.shapes.choose import ROUNDS
 from silmesh.shapes.first import SHAPES, Init, first_mesh
@@ -57,7 +58,7 @@ def main(argv: Sequence[str] | None = None) -> None:
             while not fit.done:
                 yield fit.step()[0]
 
-    first = first_mesh(init, silhouettes, cameras, trial)
+    first = first_mesh(init, silhouettes, cameras, trial, share_of(f"first {given.output}"))
     for warning in first.told["warnings"]:
         print(f"silmesh: {given.scene}: {warning}", file=sys.stderr)
     with replacing(given.output) as part:
