@@ -8,9 +8,7 @@ from torch import Tensor
 
 from silmesh.cameras.camera import Cameras
 from silmesh.hull import Hull
-from silmesh.softras import soft_silhouettes
-
-CHUNK = 16  # views rendered at once
+from silmesh.softras.batches import render_views
 
 
 def silhouette_iou(
@@ -26,18 +24,12 @@ def silhouette_iou(
     Returns:
         [views]
     """
-    size = silhouettes.shape[1:]
-    iou = []
-    for first in range(0, len(cameras), CHUNK):
-        part = range(first, min(first + CHUNK, len(cameras)))
-        with torch.no_grad():
-            points = cameras.select(part).project(verts)
-            rendered = (soft_silhouettes(points, faces, size, sigma=sigma) > 0.5).numpy()
-        truth = silhouettes[part.start : part.stop]
-        both = (rendered & truth).sum(axis=(1, 2))
-        either = (rendered | truth).sum(axis=(1, 2))
-        iou.append(both / np.maximum(either, 1))
-    return np.concatenate(iou)
+    alphas = render_views(cameras.project(verts), faces, silhouettes.shape[1:], sigma)
+    iou = np.zeros(len(silhouettes))
+    for i, (alpha, silhouette) in enumerate(zip(alphas, silhouettes, strict=True)):
+        rendered = (alpha > 0.5).numpy()
+        iou[i] = (rendered & silhouette).sum() / max((rendered | silhouette).sum(), 1)
+    return iou
 
 
 def coherence(hull: Hull, cameras: Cameras, silhouettes: np.ndarray) -> np.ndarray:

@@ -1,5 +1,6 @@
 import json
 import math
+from dataclasses import replace
 
 import pytest
 import torch
@@ -187,3 +188,11 @@ def test_a_wrong_lens_is_named(tmp_path, lens, message):
     with pytest.raises(InputError, match=message) as error:
         read_cameras(tmp_path / "cameras.json")
     assert "cameras.json: camera 0 (a): " in str(error.value)
+
+
+def test_up_is_square_to_the_rows_of_all_images_and_points_as_the_cameras_stand():
+    cameras = turntable(7, 64, elevation=30)
+    torch.testing.assert_close(cameras.up, torch.tensor([0, 1.0, 0], dtype=torch.float64))
+    onto_x = torch.tensor([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]], dtype=torch.float64)
+    tilted = replace(cameras, R=cameras.R @ onto_x)
+    torch.testing.assert_close(tilted.up, onto_x.T @ torch.tensor([0, 1.0, 0]).double())

@@ -59,8 +59,20 @@ def test_what_is_drawn(clock):
     bar.begin("2", "evaluating")
     bar.close()
     drawn = [line.rstrip() for line in terminal.getvalue().split("\r")]
-    assert f"  0% |{' ' * 20}| fitting, about {2 * SECONDS['fit'][0]:.0f} s left" in drawn
-    assert any(re.match(r" 50% \|.{20}\| evaluating, about \d+ s left", line) for line in drawn)
+    assert f"  0% |{' ' * 20}| about {2 * SECONDS['fit'][0]:.0f} s left: fitting" in drawn
+    assert any(re.match(r" 50% \|.{20}\| about \d+ s left: evaluating", line) for line in drawn)
+
+
+def test_a_narrow_terminal_has_room_for_the_time(clock, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "41")
+    terminal = Terminal()
+    bar = Bar(views=0, source="mask", stream=terminal)
+    bar.plan({"fit": 1})
+    bar.begin("1", "making something of a long name")
+    bar.close()
+    drawn = [line.rstrip() for line in terminal.getvalue().split("\r")]
+    assert f"  0% |{' ' * 8}| about 8 s left: making…" in drawn
+    assert max(map(len, drawn)) <= 40
 
 
 def test_it_is_quiet_where_nobody_watches():
@@ -93,6 +105,7 @@ def test_times_in_words(seconds, said):
     [
         ("cup: resizing its photographs", "resizing its photographs"),
         ("cup/mesh: fitting", "fitting"),
+        ("cup: cameras from file_36f09b3b", "cameras from a file"),
         ("cup: finding cameras from silhouettes by threshold", "finding cameras from silhouettes"),
         ("cup: making the first mesh 256-pad-mask-calibrate-keep-3-hull", "making the first mesh"),
         ("fetching the weights of isnet, unless the cache has them",) * 2,

@@ -12,7 +12,6 @@ from silmesh.report.rings import (
     LISTED,
     RING,
     draw_rings,
-    find_up,
     frusta_of,
     look,
 )
@@ -56,9 +55,9 @@ def test_far_cameras_come_nearer_by_one_factor():
 
 
 def test_up_is_the_tables_for_a_quarter_turn_and_in_any_world():
-    np.testing.assert_allclose(find_up(arc()), [0, 1, 0], atol=1e-9)
+    np.testing.assert_allclose(arc().up, [0, 1, 0], atol=1e-9)
     R = trimesh.transformations.rotation_matrix(2.0, [1, 2, 3])[:3, :3]
-    np.testing.assert_allclose(find_up(turned(arc(), R)), R[:, 1], atol=1e-9)
+    np.testing.assert_allclose(turned(arc(), R).up, R[:, 1], atol=1e-9)
 
 
 def test_the_look_from_the_top_has_the_first_camera_below_and_all_in_the_picture():

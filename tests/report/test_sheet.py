@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scenes import save
 
-from silmesh.report.sheet import CELL, GAP, MARK, Cell, _part_shown, draw_sheet
+from silmesh.report.gallery import Shot
+from silmesh.report.sheet import CELL, GAP, MARK, _part_shown, draw_sheet
 
 
 @pytest.fixture
@@ -12,10 +13,10 @@ def photograph(tmp_path):
     return save(tmp_path / "a.png", np.full((64, 64, 3), 90, np.uint8))
 
 
-def cell(photograph: Path, rows: slice, columns: slice, remark: str = "") -> Cell:
+def cell(photograph: Path, rows: slice, columns: slice, doubt: str = "") -> Shot:
     silhouette = np.zeros((64, 64), bool)
     silhouette[rows, columns] = True
-    return Cell("a", photograph, silhouette, None, remark)
+    return Shot("a", photograph, silhouette, None, "dropped" if doubt else "kept", doubt)
 
 
 def test_the_part_that_is_shown_holds_the_silhouettes_of_all_views(photograph):
@@ -35,7 +36,7 @@ def test_the_part_that_is_shown_lies_within_the_photographs(photograph):
 
 def test_a_doubtful_view_is_framed_and_its_row_is_higher(photograph):
     sound = cell(photograph, slice(20, 40), slice(20, 40))
-    doubtful = cell(photograph, slice(20, 40), slice(20, 40), "dropped: other views deny 40% of it")
+    doubtful = cell(photograph, slice(20, 40), slice(20, 40), "other views deny 40% of it")
     plain, marked = draw_sheet([sound] * 2), draw_sheet([sound, doubtful])
     assert plain.width == marked.width == 3 * GAP + 2 * CELL
     assert marked.height > plain.height

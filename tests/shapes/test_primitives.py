@@ -1,15 +1,11 @@
-from dataclasses import replace
-
 import numpy as np
 import pytest
-import torch
 import trimesh
 from scenes import dome, turntable
 
 from silmesh.shapes.looks import mean_iou, render
 from silmesh.shapes.primitives import (
     PRIMITIVES,
-    find_up,
     placed_primitive,
     plain_primitive,
     unit_primitive,
@@ -112,11 +108,3 @@ def test_it_is_placed_by_contradicting_views_too():
     assert is_closed(mesh)
     assert np.isfinite(mesh.vertices).all()
     assert np.abs(mesh.vertices).max() < 1
-
-
-def test_up_is_square_to_the_rows_of_all_images():
-    assert abs(find_up(turntable(7, SIZE, elevation=30))[1]) == pytest.approx(1)
-    turned = turntable(7, SIZE, elevation=30)
-    onto_x = torch.tensor([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]], dtype=torch.float64)
-    tilted = replace(turned, R=turned.R @ onto_x)
-    assert abs(find_up(tilted)[0]) == pytest.approx(1)

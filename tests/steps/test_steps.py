@@ -23,7 +23,7 @@ from silmesh.meshes import read_mesh
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps import calibrate as calibrate_step
 from silmesh.steps import cameras as cameras_step
-from silmesh.steps import colour, evaluate, first, fit, judge, scene, sheet, truth, views
+from silmesh.steps import colour, evaluate, first, fit, gallery, judge, scene, truth, views
 from silmesh.steps import silhouettes as silhouettes_step
 from silmesh.steps.command import run
 
@@ -95,7 +95,14 @@ def results(tmp_path_factory):
         threads=1,
         output=out / "scene",
     )
-    call(sheet, scene=out / "found", judged=out / "scene", output=out / "sheet.png")
+    call(
+        gallery,
+        views=out / "views",
+        scene=out / "found",
+        judged=out / "scene",
+        sheet=out / "sheet.png",
+        output=out / "gallery.json",
+    )
     call(
         first,
         scene=out / "scene",
@@ -372,7 +379,7 @@ def test_all_reasons_are_told_when_every_attempt_fails(results, tmp_path):
     names = tuple(f"v{i}" for i in range(COUNT))
     write_attempt(tmp_path / "b", Attempt("calibrate", replace(still, views=names)))
     pictures = {"views": results / "views", "silhouettes": results / "silhouettes"}
-    with pytest.raises(InputError, match=r"^no texture; .*/b: (the cameras|view 'v0':)"):
+    with pytest.raises(InputError, match=r"no texture\\n  .*/b: (the cameras|view 'v0':)"):
         call(scene, **pictures, cameras=[tmp_path / "a", tmp_path / "b"], output=tmp_path / "s")
 
 

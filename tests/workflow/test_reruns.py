@@ -25,7 +25,7 @@ def from_fit(*variants: str, name: str = "cup") -> set[str]:
 
 
 FROM_FIRST = set(FIRST.values()) | from_fit(*VARIANTS)
-FROM_JUDGED = {f"{step} {JUDGED}" for step in ("judge", "sheet", "gallery")}
+FROM_JUDGED = {f"{step} {JUDGED}" for step in ("judge", "gallery")}
 FROM_SCENE = {f"scene {SCENE}", f"rings {SCENE}"} | FROM_JUDGED | FROM_FIRST
 FROM_SILHOUETTES = {"silhouettes cup/32-pad-mask"} | FROM_SCENE
 FROM_CAMERAS = {"cameras cup/32-pad-turntable"} | FROM_SCENE
@@ -151,7 +151,6 @@ def test_a_variant_of_other_silhouettes(project):
         f"scene {scene}",
         f"rings {scene}",
         f"judge {scene}-drop-3",
-        f"sheet {scene}-drop-3",
         f"gallery {scene}-drop-3",
         f"first {scene}-drop-3-sphere-60-bbox",
         *from_fit("plain"),
@@ -167,7 +166,6 @@ def test_cameras_found_from_silhouettes(project):
         f"scene {scene}",
         f"rings {scene}",
         f"judge {scene}-keep-3",
-        f"sheet {scene}-keep-3",
         f"gallery {scene}-keep-3",
         f"first {scene}-keep-3-sphere-60-bbox",
         *from_fit("found"),
@@ -192,7 +190,6 @@ def test_cameras_found_by_colmap_or_from_silhouettes(project):
         f"scene {scene}",
         f"rings {scene}",
         f"judge {scene}-keep-3",
-        f"sheet {scene}-keep-3",
         f"gallery {scene}-keep-3",
         f"first {scene}-keep-3-sphere-60-bbox",
         *from_fit("found"),

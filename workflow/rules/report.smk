@@ -1,7 +1,7 @@
 # requires  every run's losses, metrics and meshes, with its scene
 # makes     a figure an object of its curves and meshes; of each run a picture, a turntable and what
-#           the page shows of it; of each scene a picture of its cameras and its photographs for the
-#           page; two tables of all, and the page with them
+#           the page shows of it; of each scene a picture of its cameras, a sheet of its photographs
+#           and these for the page; two tables of all, and the page with them
 # runs      silmesh.steps.figure, silmesh.steps.picture, silmesh.steps.rings, silmesh.steps.gallery,
 #           silmesh.steps.report
 
@@ -86,16 +86,23 @@ rule gallery:
         scene=lambda w: f"results/{w.object}/stages/scenes/{with_judged(w).scene_key}",
         judged="results/{object}/stages/judged/{judged}",
     output:
-        "results/report/galleries/{object}/{judged}.json",
+        sheet=report(
+            "results/report/silhouettes/{object}/{judged}.png",
+            caption="../report/silhouettes.rst",
+            category="Silhouettes",
+            subcategory="{object}",
+            labels={"silhouettes": "{judged}"},
+        ),
+        shown="results/report/galleries/{object}/{judged}.json",
     log:
         "logs/gallery/{object}-{judged}.log",
     params:
         code=code_digest("silmesh.steps.gallery"),
     message:
-        "{wildcards.object}: choosing its photographs for the page"
+        "{wildcards.object}: drawing its silhouettes"
     shell:
         "python -m silmesh.steps gallery --views {input.views:q} --scene {input.scene:q}"
-        " --judged {input.judged:q} --output {output:q} 2> {log:q}"
+        " --judged {input.judged:q} --sheet {output.sheet:q} --output {output.shown:q} 2> {log:q}"
 
 
 rule rings:

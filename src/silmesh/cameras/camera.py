@@ -67,6 +67,17 @@ class Cameras:
         return -(self.R.mT @ self.t.unsqueeze(-1)).squeeze(-1)
 
     @property
+    def up(self) -> Tensor:
+        """The upright of cameras that stand upright, a unit vector [3].
+
+        It is what is most square to the rows of all images, turned to the cameras' own up; the
+        mean of their ups would lean where they look down from one side only.
+        """
+        across = self.R[:, 0]
+        up = torch.linalg.eigh(across.mT @ across)[1][:, 0]
+        return up if up @ self.R[:, 1].mean(0) <= 0 else -up
+
+    @property
     def projections(self) -> Tensor:
         """Projection matrices K [R | t]: [views, 3, 4]."""
         return self.K @ torch.cat([self.R, self.t.unsqueeze(-1)], dim=-1)

@@ -32,6 +32,7 @@ SECONDS = {
 OTHER = (3.0, 0.0)  # a step that is not listed
 NETWORKS = {"matting": 3.0, "deeplab": 0.2}  # seconds a photograph, of silhouettes
 LATE = 0.1  # of its usual time, that a job still takes which has taken longer
+LONG, SHORT, WIDE = 20, 8, 72  # letters of the bar, and of a line from which it is long
 START = 5.0  # seconds of the listed speed that are believed before anything is done
 
 
@@ -62,15 +63,18 @@ class Bar:
         self._start = time.monotonic()
         self._pace = 1.0  # seconds that pass for one of the listed speed
         self._what = "starting"
+        columns = get_terminal_size().columns - 1
+        bar = LONG if columns >= WIDE else SHORT
         self._drawn = tqdm(
             total=1.0,
             file=stream,
             disable=None,
             leave=False,
-            ncols=get_terminal_size().columns - 1,  # tqdm takes a terminal that does not
-            nrows=20,  # say its size for one of 0 x 0
-            bar_format="{percentage:3.0f}% |{bar:20}| {desc}",
+            ncols=columns,
+            nrows=20,  # tqdm takes a terminal that does not say its size for one of 0 x 0
+            bar_format=f"{{percentage:3.0f}}% |{{bar:{bar}}}| {{desc}}",
         )
+        self._room = columns - bar - len("100% || ")
 
     def plan(self, jobs: Mapping[str, int]) -> None:
         """Set how many jobs of each rule there are to do."""
@@ -122,8 +126,8 @@ class Bar:
     def draw(self) -> None:
         """Draw it anew."""
         self._drawn.n = max(self._drawn.n, self.share)  # a second try does not go back
-        left = f", about {say_seconds(self.seconds_left)} left" if self._left else ""
-        self._drawn.set_description_str(f"{self._what}{left}", refresh=False)
+        left = f"about {say_seconds(self.seconds_left)} left: " if self._left else ""
+        self._drawn.set_description_str(_fit(f"{left}{self._what}", self._room), refresh=False)
         self._drawn.refresh()
 
     def say(self, line: str) -> None:
@@ -154,6 +158,11 @@ class Bar:
         return base + each * self._views
 
 
+def _fit(text: str, room: int) -> str:
+    """The text, its end left out if it is too long."""
+    return text if len(text) <= room else text[: max(room - 1, 0)].rstrip() + "…"
+
+
 def say_seconds(seconds: float) -> str:
     """A time in words: ``40 s``, ``3 min``, ``2.5 h``."""
     if seconds < 100:
@@ -164,4 +173,5 @@ def say_seconds(seconds: float) -> str:
 def shorten(message: str) -> str:
     """A rule's message without the names of the object, the variant and stages."""
     message = re.sub(r"^[\w-]+(/[\w-]+)?: ", "", message)
+    message = re.sub(r" file_\w+$", " a file", message)
     return re.sub(r" \S*\d+-(pad|stretch)\S*| by \w+$", "", message)

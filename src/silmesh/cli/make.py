@@ -9,7 +9,7 @@ import click
 
 from silmesh.cli.bar import Bar
 from silmesh.cli.choose import COHERENT, choose_cameras, choose_silhouettes, look
-from silmesh.cli.outcome import describe, export, find_doubts, refuse_suffix
+from silmesh.cli.outcome import advise_on_cameras, describe, export, find_doubts, refuse_suffix
 from silmesh.cli.photographs import find_masks, find_photographs
 from silmesh.cli.runner import RunError, Runner
 from silmesh.cli.workspace import Workspace, place_of
@@ -113,6 +113,9 @@ def _try(
         if then:
             why = str(failure) if made is None else f"hull IoU {coherence:.2f}"
             bar.say(f"silmesh: cameras: {then} (not {cameras}: {why})")
+    if made is None and failure.step == "scene":
+        found = work.folder / "results" / work.object / "stages" / "silhouettes"
+        raise RunError(f"{failure}\nsilmesh: {advise_on_cameras(found)}", failure.step)
     if made is None:
         raise failure
     return made

@@ -70,6 +70,20 @@ def find_doubts(metrics: Mapping[str, Any], folder: Path) -> list[str]:
     return doubts
 
 
+def advise_on_cameras(silhouettes: Path) -> str:
+    """What to do where no cameras are found.
+
+    Args:
+        silhouettes: the folder of what was found of them
+    """
+    return (
+        f"what to do: look at the silhouettes in {silhouettes}; where they are not the object's, "
+        "give --masks or other --silhouettes. Where they are, take 20 to 100 photographs, each "
+        "at most 20 degrees from the next: of the object turned in even steps, or in a walk around "
+        "it, with something patterned below; or give known cameras by --cameras file:PATH"
+    )
+
+
 def export(results: Path, output: Path) -> None:
     """Write a result's mesh where it is wanted, in the format of its ending.
 

@@ -11,13 +11,13 @@ import torch
 import trimesh
 
 from silmesh.cameras.camera import Cameras, Similarity
+from silmesh.meshes import to_tensors
 from silmesh.report.outlines import outline_path
 from silmesh.report.packing import encode_glb, pack
-from silmesh.report.rings import find_up, frusta_of, look_ahead
-from silmesh.softras import soft_silhouettes
+from silmesh.report.rings import frusta_of, look_ahead
+from silmesh.softras.batches import render_views
 
 DIGITS = 3  # of the cameras' places, in units of the normalised world
-CHUNK = 16  # views rendered at once
 
 
 def describe_exhibit(
@@ -43,7 +43,7 @@ def describe_exhibit(
         ``apexes`` and ``corners`` of their frusta
     """
     place = similarity.apply(torch.tensor(np.asarray(mesh.vertices))).numpy()
-    frusta, up = frusta_of(cameras.in_world_of(similarity)), find_up(cameras)
+    frusta, up = frusta_of(cameras.in_world_of(similarity)), cameras.up.numpy()
     return {
         "fitted": pack(encode_glb(place, mesh.faces, colours)),
         "first": pack(encode_glb(np.asarray(first.vertices), first.faces)),
@@ -60,12 +60,7 @@ def describe_exhibit(
 
 def _outlines(mesh: trimesh.Trimesh, cameras: Cameras, sigma: float) -> list[str]:
     """The mesh's outline in each view: where the soft silhouette that is fitted passes a half."""
-    verts = torch.tensor(np.asarray(mesh.vertices), dtype=torch.float32)
-    faces = torch.tensor(np.asarray(mesh.faces), dtype=torch.int64)
-    paths = []
-    for start in range(0, len(cameras), CHUNK):
-        part = cameras.select(list(range(start, min(start + CHUNK, len(cameras)))))
-        width, height = part.sizes[0].tolist()
-        alpha = soft_silhouettes(part.project(verts), faces, (height, width), sigma=sigma)
-        paths += [outline_path(a) for a in alpha.numpy()]
-    return paths
+    verts, faces = to_tensors(mesh)
+    width, height = cameras.sizes[0].tolist()
+    alphas = render_views(cameras.project(verts), faces, (height, width), sigma)
+    return [outline_path(alpha.numpy()) for alpha in alphas]

@@ -63,17 +63,6 @@ def frusta_of(cameras: Cameras) -> Frusta:
     return Frusta(apexes, apexes[:, None] + np.einsum("vji,vcj->vci", R, rays), nearer)
 
 
-def find_up(cameras: Cameras) -> np.ndarray:
-    """The upright of cameras that stand upright: what is square to their rows, [3].
-
-    It is the direction in which the rows of all images extend least, turned to the cameras' own up;
-    the mean of their ups would lean where they look down from one side only.
-    """
-    across, ups = cameras.R[:, 0].numpy(), -cameras.R[:, 1].numpy()
-    up = np.linalg.eigh(across.T @ across)[1][:, 0]
-    return up if up @ ups.mean(axis=0) >= 0 else -up
-
-
 def look(up: np.ndarray, ahead: np.ndarray, raised: float, points: np.ndarray, size: int) -> Camera:
     """A far camera that looks down at points by ``raised`` degrees and has all in its picture.
 
@@ -105,7 +94,7 @@ def draw_rings(
         dropped: views without a camera, which are listed
     """
     frusta = frusta_of(cameras)
-    up = find_up(cameras)
+    up = cameras.up.numpy()
     ahead = look_ahead(cameras, up)
     aside = np.cos(np.radians(ASIDE)) * ahead + np.sin(np.radians(ASIDE)) * np.cross(up, ahead)
     notes = list(_notes(len(cameras), frusta.nearer, list(dropped or {})))

@@ -1,13 +1,20 @@
 """The sheet of an object's silhouettes: every photograph with its outline, doubtful ones marked."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageDraw
 
-from silmesh.report.pictures import FINE, GROUND, INK, SILHOUETTE, draw_outlines, font
+from silmesh.report.gallery import Shot
+from silmesh.report.pictures import (
+    FINE,
+    GROUND,
+    INK,
+    SILHOUETTE,
+    draw_outlines,
+    font,
+    read_on_ground,
+)
 
 CELL, GAP, COLUMNS = 176, 8, 6  # pixels, and cells in a row
 LINE, FIRST = 13, 18  # pixels of a further line of text, and of the first
@@ -16,27 +23,12 @@ MARK, BEFORE = (200, 40, 40), (240, 130, 30)
 WORDS = 27  # letters in a line under a cell
 
 
-@dataclass(frozen=True)
-class Cell:
-    """One view of the sheet.
+def draw_sheet(cells: Sequence[Shot]) -> Image.Image:
+    """Draw the photographs in rows, in their order: of each the same part, around the object.
 
-    Attributes:
-        view: its name
-        photograph: its working image
-        silhouette: [size, size] bool, as it is fitted, or as it was found if it is not
-        before: what was found, where it was segmented again, or None
-        remark: what is said below, empty if there is nothing to say
+    Args:
+        cells: views, each with a silhouette
     """
-
-    view: str
-    photograph: Path
-    silhouette: np.ndarray
-    before: np.ndarray | None
-    remark: str
-
-
-def draw_sheet(cells: Sequence[Cell]) -> Image.Image:
-    """Draw the photographs in rows, in their order: of each the same part, around the object."""
     columns = min(COLUMNS, len(cells))
     rows = [cells[i : i + columns] for i in range(0, len(cells), columns)]
     heights = [CELL + FIRST + LINE * max(len(_lines(cell)) - 1 for cell in row) for row in rows]
@@ -50,7 +42,7 @@ def draw_sheet(cells: Sequence[Cell]) -> Image.Image:
     return sheet
 
 
-def _part_shown(cells: Sequence[Cell]) -> tuple[float, float, float]:
+def _part_shown(cells: Sequence[Shot]) -> tuple[float, float, float]:
     """Left, top and side, in working pixels, of a square around the silhouettes of all views."""
     drawn = [mask for cell in cells for mask in (cell.before, cell.silhouette) if mask is not None]
     shown = np.logical_or.reduce(drawn)
@@ -64,29 +56,29 @@ def _part_shown(cells: Sequence[Cell]) -> tuple[float, float, float]:
 
 
 def _draw_cell(
-    sheet: Image.Image, cell: Cell, part: tuple[float, float, float], place: tuple[int, int]
+    sheet: Image.Image, cell: Shot, part: tuple[float, float, float], place: tuple[int, int]
 ) -> None:
     x, y, side = part
-    with Image.open(cell.photograph) as opened:
-        image = opened.convert("RGB").resize(
-            (FINE * CELL, FINE * CELL), Image.Resampling.BICUBIC, (x, y, x + side, y + side)
-        )
+    image = read_on_ground(cell.photograph).resize(
+        (FINE * CELL, FINE * CELL), Image.Resampling.BICUBIC, (x, y, x + side, y + side)
+    )
     for mask, colour in ((cell.before, BEFORE), (cell.silhouette, SILHOUETTE)):
         if mask is not None:
             draw_outlines(image, mask, image.width / side, (x, y), colour)
     left, top = place
     sheet.paste(image.resize((CELL, CELL), Image.Resampling.BOX), place)
     draw = ImageDraw.Draw(sheet)
-    if cell.remark:
+    if cell.doubt:
         draw.rectangle((left - 3, top - 3, left + CELL + 2, top + CELL + 2), outline=MARK, width=3)
     for n, line in enumerate(_lines(cell)):
         ink = MARK if n else INK
         draw.text((left, top + CELL + 4 + LINE * n), line, fill=ink, font=font(10))
 
 
-def _lines(cell: Cell) -> list[str]:
-    """What is written below a view: its name, and two lines of its remark."""
-    return [cell.view[-WORDS:], *_wrap(cell.remark)][:3]
+def _lines(cell: Shot) -> list[str]:
+    """What is written below a view: its name, and two lines of what is doubtful."""
+    remark = f"{cell.fate}: {cell.doubt}" if cell.doubt else ""
+    return [cell.view[-WORDS:], *_wrap(remark)][:3]
 
 
 def _wrap(text: str) -> list[str]:

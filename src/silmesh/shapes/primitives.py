@@ -117,15 +117,9 @@ def placed_primitive(
     return even_mesh(fine, vertices)
 
 
-def find_up(cameras: Cameras) -> np.ndarray:
-    """The upright of cameras that stand upright: what is most square to the rows of all images."""
-    across = cameras.R[:, 0].numpy()
-    return np.linalg.eigh(across.T @ across)[1][:, 0]
-
-
 def _directions(shape: str, target: Ellipsoid, cameras: Cameras) -> Iterable[np.ndarray]:
     """Axes x, y, z to try: the ellipsoid's own, with each as y, and turned about the upright."""
-    own, up = target.axes(), find_up(cameras)
+    own, up = target.axes(), cameras.up.numpy()
     yield np.roll(own, 1, axis=1)  # the longest is y
     if shape == "ellipsoid":
         return

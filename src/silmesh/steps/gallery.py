@@ -1,14 +1,17 @@
-"""Describe the photographs and silhouettes of a scene for the page."""
+"""Draw the photographs and silhouettes of a scene: all on a sheet, and small ones for the page."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from silmesh.files import replacing
+from silmesh.judging.policy import DROPPED, REPAIRED
+from silmesh.judging.table import read_table
 from silmesh.report.gallery import Shot, describe_gallery
-from silmesh.scene import read_scene
+from silmesh.report.sheet import draw_sheet
+from silmesh.scene import SILHOUETTES, VIEWS, read_scene
+from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import parser, run
-from silmesh.steps.shots import read_shots
 
 LOST = "lost"  # a view without a camera
 
@@ -19,9 +22,12 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--views", type=Path, required=True, help="folder of all working images")
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene as found")
     args.add_argument("--judged", type=Path, required=True, help="folder of the scene as fitted")
-    args.add_argument("--output", type=Path, required=True, help="JSON to write")
+    args.add_argument("--sheet", type=Path, required=True, help="PNG to write")
+    args.add_argument("--output", type=Path, required=True, help="JSON for the page to write")
     given = args.parse_args(argv)
-    shots = read_shots(given.scene, given.judged)
+    shots = [_read(row, given.scene, given.judged) for row in read_table(given.judged)]
+    with replacing(given.sheet) as part:
+        draw_sheet(shots).save(part, optimize=True)
     placed = {shot.view for shot in shots}
     told = read_scene(given.judged)[2]
     lost = {view: why for view, why in told["dropped"].items() if view not in placed}
@@ -30,6 +36,17 @@ def main(argv: Sequence[str] | None = None) -> None:
     ]
     with replacing(given.output) as part:
         part.write_text(json.dumps(describe_gallery(shots)) + "\n")
+
+
+def _read(row: Mapping[str, str], scene: Path, judged: Path) -> Shot:
+    """A view, as its row in the table says: a dropped one's silhouette is as it was found."""
+    view, fate, doubt = row["view"], row["fate"], row["doubt"]
+    photograph = scene / VIEWS / f"{view}.png"
+    (found,) = read_silhouettes(scene / SILHOUETTES, [view])
+    if fate == DROPPED:
+        return Shot(view, photograph, found, None, fate, doubt)
+    (fitted,) = read_silhouettes(judged / SILHOUETTES, [view])
+    return Shot(view, photograph, fitted, found if fate == REPAIRED else None, fate, doubt)
 
 
 if __name__ == "__main__":

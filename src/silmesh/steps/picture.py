@@ -9,7 +9,7 @@ from silmesh.files import replacing
 from silmesh.meshes import read_mesh, to_linear
 from silmesh.report.exhibit import describe_exhibit
 from silmesh.report.pictures import draw_picture, quarter_turn
-from silmesh.report.rings import find_up, look_ahead
+from silmesh.report.rings import look_ahead
 from silmesh.report.turntable import draw_turn, write_gif, write_mp4
 from silmesh.scene import SILHOUETTES, VIEWS, read_scene
 from silmesh.silhouettes import read_silhouettes
@@ -38,7 +38,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     with replacing(given.output) as part:
         picture.save(part, optimize=True)
 
-    up = find_up(cameras)
+    up = cameras.up.numpy()
     turn = draw_turn(mesh, up, look_ahead(cameras, up))
     write_gif(given.gif, turn)
     write_mp4(given.mp4, turn)

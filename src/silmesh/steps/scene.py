@@ -33,7 +33,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     torch.set_num_threads(given.threads)
     attempts, placed = zip(*(_place(folder, given) for folder in given.cameras), strict=True)
     if not any(placed):
-        raise InputError("; ".join(dict.fromkeys(str(attempt.refusal) for attempt in attempts)))
+        refusals = dict.fromkeys(str(attempt.refusal) for attempt in attempts)
+        several = ["no source of cameras came to any:"] if len(refusals) > 1 else []
+        raise InputError("\n  ".join([*several, *refusals]))
     index, why = choose(attempts, placed)
     attempt, best = attempts[index], placed[index]
     doubtful = _name_doubtful(best, given.silhouettes)

@@ -1,0 +1,27 @@
+"""Soft silhouettes of many views, to look at or to measure: a few at once, without gradients."""
+
+from collections.abc import Iterator
+
+import torch
+from torch import Tensor
+
+from silmesh.softras import soft_silhouettes
+
+AT_ONCE = 16  # views
+
+
+def render_views(
+    points: Tensor, faces: Tensor, size: tuple[int, int], sigma: float
+) -> Iterator[Tensor]:
+    """The alpha [height, width] of each view, one after another; see ``soft_silhouettes``.
+
+    Args:
+        points: [views, verts, 2] pixels
+        faces: [faces, 3] int64
+        size: height and width
+        sigma: in squared half-image units
+    """
+    for part in points.detach().split(AT_ONCE):
+        with torch.no_grad():
+            rendered = soft_silhouettes(part, faces, size, sigma=sigma)
+        yield from rendered
