@@ -379,7 +379,7 @@ def test_all_reasons_are_told_when_every_attempt_fails(results, tmp_path):
     names = tuple(f"v{i}" for i in range(COUNT))
     write_attempt(tmp_path / "b", Attempt("calibrate", replace(still, views=names)))
     pictures = {"views": results / "views", "silhouettes": results / "silhouettes"}
-    with pytest.raises(InputError, match=r"no texture\\n  .*/b: (the cameras|view 'v0':)"):
+    with pytest.raises(InputError, match=r"no texture\n  .*/b: (the cameras|view 'v0':)"):
         call(scene, **pictures, cameras=[tmp_path / "a", tmp_path / "b"], output=tmp_path / "s")
 
 
