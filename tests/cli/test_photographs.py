@@ -41,12 +41,11 @@ def test_photographs_of_words_and_turned_ones_are_one_object(tmp_path):
 
 
 @pytest.mark.parametrize("name", ["turn.mp4", "TURN.MOV"])
-def test_a_video_says_how_it_is_cut(tmp_path, name):
+def test_a_video_is_named_alone(tmp_path, name):
     video = tmp_path / name
     video.touch()
-    for said in (refusal(video), refusal(tmp_path)):
-        assert said.startswith(f"{video}: is a video")
-        assert f"ffmpeg -i {video} -vf fps=2" in said
+    assert refusal(video, video).startswith(f"{video}: is a video; one alone is cut")
+    assert f"`silmesh {video} -o mesh.glb` cuts it" in refusal(tmp_path)
 
 
 def test_what_a_folder_without_photographs_has_instead(tmp_path):

@@ -121,15 +121,16 @@ def main() -> None:
 )
 @click.option("--verbose", is_flag=True, help="Show all that the workflow says.")
 def make(photos: tuple[Path, ...], output: Path, keep: Path | None, **options: Any) -> None:
-    """Make a mesh of one object from its PHOTOS: a folder, or files.
+    """Make a mesh of one object from its PHOTOS: a folder, or files, or a video.
 
     Photograph the object all around, 20 to 100 times, whole and sharp: on a turntable before a
     plain background, or walking around it. Then:
 
         silmesh photos/ -o mesh.glb
 
-    What was made is kept in a cache, so the same command goes on where it was stopped, and another
-    option makes only what depends on it.
+    What was made is kept, so the same command goes on where it was stopped, and another option
+    makes only what depends on it. It lies in ~/.cache/silmesh/objects (or $SILMESH_CACHE/objects),
+    a folder an object: remove any of them, or all, to have the room back.
     """
     from silmesh.cli.make import make_mesh
     from silmesh.cli.runner import RunError

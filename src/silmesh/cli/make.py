@@ -10,11 +10,12 @@ import click
 from silmesh.cli.bar import Bar
 from silmesh.cli.choose import COHERENT, choose_cameras, choose_silhouettes, look
 from silmesh.cli.outcome import advise_on_cameras, describe, export, find_doubts, refuse_suffix
-from silmesh.cli.photographs import find_masks, find_photographs
+from silmesh.cli.photographs import find_masks, find_photographs, is_video
 from silmesh.cli.runner import RunError, Runner
 from silmesh.cli.workspace import Workspace, place_of
 from silmesh.errors import InputError
 
+VIDEO = "video"  # folder of what a video is cut into; no masks lie beside it
 RESULTS = ("mesh.glb", "mesh.obj", "metrics.json")
 BEFORE_CAMERAS = ("", "views", "fetch_weights", "silhouettes")  # other cameras do not mend these
 
@@ -34,7 +35,7 @@ def make_mesh(
     """Make a mesh of the photographs that a person names.
 
     Args:
-        paths: a folder, or files
+        paths: a folder, or files, or a video
         output: the mesh to write
         keep: the folder to work in; None for one in the cache
         masks: their folder; None where they are not given
@@ -46,12 +47,13 @@ def make_mesh(
         RunError: a step of the workflow failed
     """
     refuse_suffix(output)
-    files, notes = find_photographs(paths)
+    place, name = place_of(paths)
+    folder = (keep or place).absolute()
+    files, notes = find_photographs(_cut_video(paths, folder / VIDEO))
     found = find_masks(files, masks) if silhouettes in (None, "mask") else []
     _say(f"{len(files)} photographs", *notes)
     silhouettes, tries = _choose(files, bool(found), silhouettes, cameras)
-    place, name = place_of(paths)
-    work = Workspace((keep or place).absolute(), name, tuple(files), tuple(found))
+    work = Workspace(folder, name, tuple(files), tuple(found))
     if before := work.prepare():
         _say(f"the results in {work.folder} are of silmesh {before}; what changed is made anew")
     runner = Runner(work.folder, cores, verbose)
@@ -65,6 +67,16 @@ def make_mesh(
     click.echo(describe(output, metrics))
     for doubt in find_doubts(metrics, work.folder / "results"):
         _say(f"doubtful: {doubt}")
+
+
+def _cut_video(paths: Sequence[Path], folder: Path) -> Sequence[Path]:
+    """What is named; of a video the photographs that it is cut into."""
+    if len(paths) > 1 or not is_video(paths[0]):
+        return paths
+    from silmesh.cli.video import cut  # its libraries, for few
+
+    _say(f"{paths[0]}: is a video; the sharpest pictures are taken from it")
+    return cut(paths[0], folder / "frames")
 
 
 def _choose(

@@ -1,6 +1,7 @@
 """What a person names: the photographs of one object, and perhaps masks; what it is if not that."""
 
 import re
+import shlex
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -18,6 +19,11 @@ SERIES = 3  # photographs of names alike, from which they are taken for an objec
 MAKER, MODEL = 271, 272  # EXIF
 
 
+def is_video(path: Path) -> bool:
+    """Whether a path's ending is that of a video."""
+    return path.suffix.lower() in VIDEOS
+
+
 def find_photographs(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
     """The photographs that a person names, in natural order.
 
@@ -31,8 +37,8 @@ def find_photographs(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
             to be of several objects
     """
     for path in paths:
-        if path.suffix.lower() in VIDEOS:
-            raise InputError(_say_how_to_cut(path))
+        if is_video(path):
+            raise InputError(f"{path}: is a video; one alone is cut into photographs: name only it")
     folders = [path for path in paths if path.is_dir()]
     if len(folders) > 1 or (folders and len(paths) > 1):
         raise InputError(
@@ -109,8 +115,9 @@ def _say_why_none(folder: Path) -> str:
             f"`silmesh init {folder}` writes a table for all"
         )
     others = sorted(folder.iterdir())
-    if videos := [path for path in others if path.suffix.lower() in VIDEOS]:
-        return _say_how_to_cut(videos[0])
+    if videos := [path for path in others if is_video(path)]:
+        video = shlex.quote(str(videos[0]))
+        return f"{folder}: has a video and no photograph: `silmesh {video} -o mesh.glb` cuts it"
     if unread := [path for path in others if path.suffix.lower() in UNREAD]:
         return (
             f"{unread[0]}: {unread[0].suffix} is not read; save the photographs as JPEG or PNG, "
@@ -118,14 +125,6 @@ def _say_why_none(folder: Path) -> str:
             f"{folder}/*{unread[0].suffix}`"
         )
     return f"{folder}: has no photograph ({', '.join(SUFFIXES)})"
-
-
-def _say_how_to_cut(video: Path) -> str:
-    return (
-        f"{video}: is a video, and photographs are needed; cut it into 30 to 100 of them, here two "
-        f"a second: `mkdir frames && ffmpeg -i {video} -vf fps=2 -q:v 2 frames/%04d.jpg`, "
-        "then `silmesh frames -o mesh.glb`"
-    )
 
 
 def _refuse_few(files: Sequence[Path], where: str) -> None:

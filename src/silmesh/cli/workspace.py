@@ -16,6 +16,7 @@ from typing import Any
 
 import yaml
 
+from silmesh.cli.photographs import is_video
 from silmesh.config import NAME
 from silmesh.datasets import COLUMNS, RESERVED
 from silmesh.files import replacing
@@ -108,7 +109,8 @@ class Workspace:
 def place_of(paths: Sequence[Path]) -> tuple[Path, str]:
     """The folder in the cache for what a person named, and the object's name."""
     first = paths[0].absolute()
-    name = to_name(first.name if first.is_dir() else first.parent.name)
+    alone = first.stem if is_video(first) else first.parent.name
+    name = to_name(first.name if first.is_dir() else alone)
     named = "\n".join(sorted(str(path.absolute()) for path in paths))
     return cache_folder() / "objects" / f"{name}-{zlib.crc32(named.encode()):08x}", name
 

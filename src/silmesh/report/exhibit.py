@@ -11,7 +11,6 @@ import torch
 import trimesh
 
 from silmesh.cameras.camera import Cameras, Similarity
-from silmesh.meshes import to_tensors
 from silmesh.report.outlines import outline_path
 from silmesh.report.packing import encode_glb, pack
 from silmesh.report.rings import frusta_of, look_ahead
@@ -60,7 +59,8 @@ def describe_exhibit(
 
 def _outlines(mesh: trimesh.Trimesh, cameras: Cameras, sigma: float) -> list[str]:
     """The mesh's outline in each view: where the soft silhouette that is fitted passes a half."""
-    verts, faces = to_tensors(mesh)
+    verts = torch.tensor(np.asarray(mesh.vertices), dtype=torch.float32)
+    faces = torch.tensor(np.asarray(mesh.faces), dtype=torch.int64)
     width, height = cameras.sizes[0].tolist()
     alphas = render_views(cameras.project(verts), faces, (height, width), sigma)
     return [outline_path(alpha.numpy()) for alpha in alphas]
