@@ -13,6 +13,7 @@ GOOD = {
     "iou_min": 0.9858,
     "iou": {"a": 0.999, "b": 0.9858},
     "hull_iou_mean": 0.987,
+    "cameras": {"source": "calibrate"},
     "views": 72,
     "views_dropped": 0,
     "faces": 2696,
@@ -33,6 +34,11 @@ def test_a_good_mesh():
     ("change", "advice"),
     [
         ({"hull_iou_mean": 0.71, "iou_mean": 0.7}, "no body fills more than 71% of these"),
+        ({"hull_iou_mean": 0.71}, "only turns: try --cameras colmap"),
+        (
+            {"hull_iou_mean": 0.71, "cameras": {"source": "turntable"}},
+            "the cameras are wrong: try --cameras calibrate if the object turned",
+        ),
         ({"iou_mean": 0.9}, "the fit ended early: try --init auto"),
         ({"iou": {"a": 0.99, "b": 0.3, "c": 0.8}}, "misses the object in b, c: look at their"),
         ({"views": 50, "views_dropped": 22}, "22 of 72 photographs are left out"),

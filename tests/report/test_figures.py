@@ -69,7 +69,7 @@ def test_linear_axes_hold_all_of_the_data(losses):
     figure = draw("pot", losses, ORDER)
     axes = curves_of(figure)
     assert (axes.get_xscale(), axes.get_yscale()) == ("linear", "linear")
-    assert axes.get_xlim() == pytest.approx((0, 199))
+    assert axes.get_xlim() == pytest.approx((0, 200))
     low, high = axes.get_ylim()
     assert low == 0
     assert 0.8 < high < 0.9
@@ -125,7 +125,7 @@ def test_published_values_are_dots_up_to_where_ours_end(losses):
     )
     np.testing.assert_array_equal(dots.get_xydata(), [[0, 0.9], [100, 0.4]])
     assert dots.get_color() == COLOURS[1]
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["published"]
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["published in the report"]
 
 
 def test_pictures_stand_in_columns_below_their_names(losses):

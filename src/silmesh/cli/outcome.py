@@ -11,6 +11,8 @@ from silmesh.files import replacing
 SUFFIXES = (".glb", ".obj", ".ply", ".stl")
 HULL, MEAN, WORST = 0.9, 0.95, 0.85  # IoU below which cameras, the fit and a view are doubted
 NAMED = 3  # views, at most
+TURNED = "the photographs are not of one object that only turns: try --cameras colmap"
+OTHERWISE = "the cameras are wrong: try --cameras calibrate if the object turned, colmap if not"
 
 
 def refuse_suffix(output: Path) -> None:
@@ -43,12 +45,13 @@ def find_doubts(metrics: Mapping[str, Any], folder: Path) -> list[str]:
     """
     silhouettes = folder / metrics["silhouettes"]
     doubts = []
+    turns = metrics["cameras"]["source"] == "calibrate"
     if metrics["hull_iou_mean"] < HULL:
         doubts.append(
             f"cameras and silhouettes contradict each other: no body fills more than "
             f"{metrics['hull_iou_mean']:.0%} of these. Look at the silhouettes in {silhouettes}: "
             "where they are not the object's, give --masks or other --silhouettes; where they are, "
-            "the photographs are not of one object that only turns: try --cameras colmap"
+            + (TURNED if turns else OTHERWISE)
         )
     elif metrics["iou_mean"] < MEAN:
         doubts.append("the fit ended early: try --init auto")

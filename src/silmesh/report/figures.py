@@ -101,7 +101,7 @@ def draw_losses(
             axes.plot(curve["iteration"], curve["loss"], **DOTS, color=style["color"])
     _name_axes(axes, object_)
     if published:
-        axes.plot([], [], label="published", **DOTS, color=INK)
+        axes.plot([], [], label="published in the report", **DOTS, color=INK)
         axes.legend(loc="upper right", frameon=False, labelcolor=INK)
     _label_ends(axes, ends)
 
@@ -139,7 +139,7 @@ def _name_axes(axes: Axes, object_: str) -> None:
     axes.set_xlabel("iteration", color=INK)
     axes.set_ylabel("loss (IoU loss and weighted smoothness)", color=INK)
     axes.set_ylim(0, 1.05 * axes.dataLim.y1)
-    axes.set_xlim(0, max(axes.dataLim.x1, 1))
+    axes.set_xlim(0, axes.dataLim.x1 + 1)  # as many as there are: the last of 1,000 is 999
     axes.xaxis.get_major_locator().set_params(integer=True)
     axes.grid(axis="y", color=FAINT, linewidth=0.7)
     axes.set_axisbelow(True)
