@@ -3,7 +3,11 @@
 
 const silmesh = {};
 
+// What is packed stands behind the scripts, and the last of it is read a while after the first.
+silmesh.whole = new Promise((resolve) => addEventListener("DOMContentLoaded", resolve));
+
 silmesh.bytes = async function (id) {
+  await silmesh.whole;
   const letters = atob(document.getElementById(id).textContent);
   const packed = Uint8Array.from(letters, (letter) => letter.charCodeAt(0));
   const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
