@@ -1,6 +1,6 @@
 import pytest
 
-from silmesh.progress import EVERY, Progress
+from silmesh.progress import EVERY, Progress, share_of, within
 
 
 @pytest.fixture
@@ -35,3 +35,22 @@ def test_it_is_quiet_where_nobody_watches(clock, capsys, monkeypatch):
     progress = Progress("masks", total=2)
     progress(2)
     assert capsys.readouterr().out == ""
+
+
+def test_a_step_that_knows_only_shares_tells_hundredths(clock, capsys):
+    progress = share_of("calibrate a")
+    for share, now in ((0.25, 6), (0.256, 7), (1.0, 16)):
+        clock[0] = now
+        progress(share)
+    assert capsys.readouterr().out.splitlines() == [
+        "calibrate a: 25/100, 18 s left",
+        "calibrate a: 100/100, done in 16.0 s",
+    ]
+
+
+def test_a_part_of_a_step_begins_and_ends_within_it():
+    told = []
+    part = within(told.append, 0.5, 0.75)
+    for share in (0, 0.5, 1):
+        part(share)
+    assert told == [0.5, 0.625, 0.75]

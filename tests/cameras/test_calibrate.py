@@ -120,7 +120,10 @@ def test_even_steps_are_left_alone(found):
 @pytest.mark.parametrize("arc", [360, 180])
 def test_an_unknown_step_is_found(arc):
     cameras = stand(0.97 * arc / 16 * np.arange(16), size=64)
-    found = calibrate(render("plane", cameras), cameras.views)
+    told = []
+    found = calibrate(render("plane", cameras), cameras.views, progress=told.append)
+    assert told == sorted(told)
+    assert told[-1] == 1
     assert found.estimates["step"].value == pytest.approx(0.97 * arc / 16, rel=0.02)
     assert found.estimates["step"].status == "found"
 

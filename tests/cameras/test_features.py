@@ -39,7 +39,9 @@ def read(database):
 
 
 def test_images_are_numbered_and_named_as_the_views(photographs, tmp_path):
-    report, database = features(photographs, tmp_path)
+    told = []
+    report, database = features(photographs, tmp_path, progress=told.append)
+    assert told == [0.25, 0.5, 0.75, 1]
     found = read(database)
     assert {i: row[0] for i, row in found.items()} == {1: "0", 2: "1", 3: "2", 4: "3"}
     assert report.figures["features"] == {row[0]: len(row[2]) for row in found.values()}

@@ -35,7 +35,11 @@ def centres(model):
 
 @pytest.mark.parametrize("mapping", ["incremental", "global"])
 def test_the_cameras_are_found(made_up, tmp_path, mapping):
-    report = map_views(made_up[0], mapping, 0, tmp_path, FOUND)
+    told = []
+    report = map_views(made_up[0], mapping, 0, tmp_path, FOUND, told.append)
+    assert told == sorted(told)
+    assert told[-1] == 1
+    assert len(told) > 8 or mapping == "global"  # which tells of no view
     assert [path.name for path in tmp_path.iterdir()] == [MODEL]
     model = pycolmap.Reconstruction(tmp_path / MODEL)
     assert (model.num_reg_images(), report.figures["models"]) == (12, [12])

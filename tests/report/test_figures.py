@@ -125,7 +125,9 @@ def test_published_values_are_dots_up_to_where_ours_end(losses):
     )
     np.testing.assert_array_equal(dots.get_xydata(), [[0, 0.9], [100, 0.4]])
     assert dots.get_color() == COLOURS[1]
-    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["published in the report"]
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == [
+        "published in the report"
+    ]
 
 
 def test_pictures_stand_in_columns_below_their_names(losses):

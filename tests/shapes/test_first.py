@@ -6,6 +6,7 @@ import trimesh
 from scenes import silhouettes, turntable
 
 from silmesh.errors import InputError
+from silmesh.progress import untold
 from silmesh.shapes.choose import LATEST, ROUNDS, VIEWS, score_meshes
 from silmesh.shapes.first import PLACED, SHAPES, Init, first_mesh
 from silmesh.shapes.looks import crop, look_smaller, mean_iou, render
@@ -74,10 +75,11 @@ def overlap(mesh, cameras, seen):
     return repeat(1 - mean_iou(render(world, cameras, seen.shape[1:]), seen))
 
 
-def scores_of(scene, losses):
+def scores_of(scene, losses, progress=untold):
     """What becomes of trials with these losses, from the loss before the first step on."""
     meshes = {name: trimesh.Trimesh(metadata={"name": name}) for name in losses}
-    return score_meshes(meshes, *scene, lambda mesh, *_: iter(losses[mesh.metadata["name"]]))
+    trial = lambda mesh, *_: iter(losses[mesh.metadata["name"]])  # noqa: E731
+    return score_meshes(meshes, *scene, trial, progress)
 
 
 def test_the_better_go_on_and_the_first_at_the_end_is_the_best(scene):
@@ -92,7 +94,13 @@ def test_the_better_go_on_and_the_first_at_the_end_is_the_best(scene):
         "third": np.full(last + 1, 0.25),
         "late": np.where(steps <= first, 0.5, 0.0),  # too late
     }
-    scores = scores_of(scene, losses)
+    told = []
+    scores = scores_of(scene, losses, told.append)
+    # Of four 20 steps, of three 40 more, of two 140 more, and the loss before the first of each.
+    steps = 4 * (first + 1) + 3 * (second - first) + 2 * (last - second)
+    assert len(told) == steps + 1
+    assert max(told[:-1]) == steps / (steps + 1)
+    assert told[-1] == 1
     assert list(scores) == ["slow", "quick", "third", "late"]
     assert [score.steps for score in scores.values()] == [last, last, second, first]
     assert scores["slow"].before == 0.14
