@@ -78,7 +78,10 @@ def overlap(mesh, cameras, seen):
 def scores_of(scene, losses, progress=untold):
     """What becomes of trials with these losses, from the loss before the first step on."""
     meshes = {name: trimesh.Trimesh(metadata={"name": name}) for name in losses}
-    trial = lambda mesh, *_: iter(losses[mesh.metadata["name"]])  # noqa: E731
+
+    def trial(mesh, *_):
+        return iter(losses[mesh.metadata["name"]])
+
     return score_meshes(meshes, *scene, trial, progress)
 
 
