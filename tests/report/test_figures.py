@@ -54,8 +54,9 @@ def test_names_every_variant_the_object_and_the_axes_as_text(tmp_path, losses):
 
 
 @pytest.mark.parametrize("name", ["a", "initialised_high_poly_with_a_long-name"])
-def test_labels_end_within_the_figure(name):
-    losses = {name: pd.DataFrame({"iteration": [0, 1], "loss": [0.5, 0.4]})}
+@pytest.mark.parametrize("loss", [0.5, 0.18, 0.0175])  # whose ticks have one decimal and more
+def test_labels_begin_and_end_within_the_figure(name, loss):
+    losses = {name: pd.DataFrame({"iteration": [0, 1], "loss": [loss, 0.8 * loss]})}
     figure = draw("pot", losses, [name])
     part = figure.subfigs[0]
     box = part.get_tightbbox(figure.canvas.get_renderer())

@@ -37,7 +37,7 @@ WIDTH, HEIGHT, CELL, GAP = 8.4, 4.1, 1.72, 0.15  # inches: of the curves, and of
 TOP = 0.87  # of the height: where the pictures begin
 LETTERS = 22  # in a line above a picture
 DOTS = {"linestyle": "none", "marker": "o", "ms": 3.6, "mfc": "none", "mew": 1.1}
-LEFT = 0.08  # of the curves' width: where the axes begin
+EDGE = 0.01  # of the curves' width, that is left free on either side
 LABEL = 1.105  # of the axes' width: where the labels begin
 LABEL_HEIGHT = 0.058  # of the axes: labels stand at least so far apart
 
@@ -89,7 +89,7 @@ def draw_losses(
     published: Mapping[str, pd.DataFrame],
 ) -> None:
     """Draw the losses in a figure; see ``draw_figure``."""
-    axes = figure.add_axes((LEFT, 0.13, 1 - LEFT, 0.77))
+    axes = figure.add_axes((0.1, 0.13, 0.8, 0.77))  # moved below
     ends = {}
     for variant, loss in losses.items():
         style = style_of(variant, order)
@@ -164,12 +164,14 @@ def _label_ends(axes: Axes, ends: Mapping[str, tuple[pd.Series, dict[str, Any]]]
 
 
 def _make_room(axes: Axes, labels: Sequence[Text]) -> None:
-    """Narrow the axes until the longest label ends at the figure's edge."""
-    figure = axes.figure
-    longest = max(label.get_window_extent().width for label in labels) / figure.bbox.width
+    """Move and narrow the axes until what is written on either side ends at the figure's edge."""
+    whole = axes.figure.bbox.width
+    before = (axes.bbox.x0 - axes.yaxis.get_tightbbox().x0) / whole
+    longest = max(label.get_window_extent().width for label in labels) / whole
     box = axes.get_position()
-    width = max((1 - LEFT - 0.02 - longest) / LABEL, 0.3)
-    axes.set_position((LEFT, box.y0, width, box.height))
+    left = before + EDGE
+    width = max((1 - left - 2 * EDGE - longest) / LABEL, 0.3)
+    axes.set_position((left, box.y0, width, box.height))
 
 
 def spread(wanted: Sequence[float], apart: float) -> np.ndarray:
