@@ -28,6 +28,9 @@ SECONDS = {
     "colour": (3.0, 0.02),
     "evaluate": (4.0, 0.02),
     "fetch_weights": (20.0, 0.0),
+    "picture": (6.0, 0.02),
+    "gallery": (3.0, 0.03),
+    "figure": (5.0, 0.0),
 }
 OTHER = (3.0, 0.0)  # a step that is not listed
 NETWORKS = {"matting": 3.0, "deeplab": 0.2}  # seconds a photograph, of silhouettes

@@ -74,6 +74,11 @@ def main() -> None:
     help="The mesh to write: .glb or .obj with colours, .ply with colours, .stl.",
 )
 @click.option(
+    "--page",
+    type=click.Path(path_type=Path),
+    help="Also write a page to open in a browser: the mesh in 3D, the photographs with outlines.",
+)
+@click.option(
     "--masks",
     type=click.Path(path_type=Path),
     help="Folder of masks, white on the object, named like the photographs. One named masks in or "
@@ -120,7 +125,7 @@ def main() -> None:
     help="Folder to work in, with all results and logs, in place of one in the cache.",
 )
 @click.option("--verbose", is_flag=True, help="Show all that the workflow says.")
-def make(photos: tuple[Path, ...], output: Path, keep: Path | None, **options: Any) -> None:
+def make(photos: tuple[Path, ...], output: Path, **options: Any) -> None:
     """Make a mesh of one object from its PHOTOS: a folder, or files, or a video.
 
     Photograph the object all around, 20 to 100 times, whole and sharp: on a turntable before a
@@ -139,7 +144,7 @@ def make(photos: tuple[Path, ...], output: Path, keep: Path | None, **options: A
         if signal.getsignal(kind) != signal.SIG_IGN:  # as nohup has it
             signal.signal(kind, _interrupt)
     try:
-        make_mesh(photos, output, keep, **options)
+        make_mesh(photos, output, **options)
     except InputError as error:
         _end(str(error), WRONG)
     except RunError as error:

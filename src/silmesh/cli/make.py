@@ -9,13 +9,21 @@ import click
 
 from silmesh.cli.bar import Bar
 from silmesh.cli.choose import COHERENT, choose_cameras, choose_silhouettes, look
-from silmesh.cli.outcome import advise_on_cameras, describe, export, find_doubts, refuse_suffix
+from silmesh.cli.outcome import (
+    advise_on_cameras,
+    copy,
+    describe,
+    export,
+    find_doubts,
+    refuse_suffix,
+)
 from silmesh.cli.photographs import find_masks, find_photographs, is_video
 from silmesh.cli.runner import RunError, Runner
 from silmesh.cli.workspace import Workspace, place_of
 from silmesh.errors import InputError
 
 VIDEO = "video"  # folder of what a video is cut into; no masks lie beside it
+PAGE = "results/report/report.html"
 RESULTS = ("mesh.glb", "mesh.obj", "metrics.json")
 BEFORE_CAMERAS = ("", "views", "fetch_weights", "silhouettes")  # other cameras do not mend these
 
@@ -23,8 +31,9 @@ BEFORE_CAMERAS = ("", "views", "fetch_weights", "silhouettes")  # other cameras 
 def make_mesh(
     paths: Sequence[Path],
     output: Path,
-    keep: Path | None,
     *,
+    page: Path | None,
+    keep: Path | None,
     masks: Path | None,
     silhouettes: str | None,
     cameras: str | None,
@@ -37,6 +46,7 @@ def make_mesh(
     Args:
         paths: a folder, or files, or a video
         output: the mesh to write
+        page: the page to write; None for none
         keep: the folder to work in; None for one in the cache
         masks: their folder; None where they are not given
         silhouettes, cameras: sources; None where they are to be chosen
@@ -59,10 +69,12 @@ def make_mesh(
     runner = Runner(work.folder, cores, verbose)
     bar = Bar(len(files), silhouettes)
     try:
-        variant = _try(work, runner, bar, silhouettes, tries, options)
+        variant = _try(work, runner, bar, silhouettes, tries, options, [PAGE] if page else [])
     finally:
         bar.close()
     export(work.folder / work.result(variant, ""), output)
+    if page:
+        copy(work.folder / PAGE, page)
     metrics = _read(work, variant)
     click.echo(describe(output, metrics))
     for doubt in find_doubts(metrics, work.folder / "results"):
@@ -103,6 +115,7 @@ def _try(
     silhouettes: str,
     tries: Sequence[str],
     options: dict[str, Any],
+    besides: Sequence[str],
 ) -> str:
     """Try sources of cameras until the silhouettes agree with one: the variant that came of it.
 
@@ -112,7 +125,7 @@ def _try(
     made, failure = None, None
     for cameras, then in zip(tries, [*tries[1:], None], strict=True):
         try:
-            variant = _run(work, runner, bar, silhouettes, cameras, options)
+            variant = _run(work, runner, bar, silhouettes, cameras, options, besides)
         except RunError as error:
             failure = RunError(work.restore(str(error)), error.step)
             if error.step in BEFORE_CAMERAS:
@@ -140,8 +153,13 @@ def _run(
     silhouettes: str,
     cameras: str,
     options: dict[str, Any],
+    besides: Sequence[str],
 ) -> str:
-    """Run the workflow with a source of cameras: the variant, which is named after it."""
+    """Run the workflow with a source of cameras: the variant, which is named after it.
+
+    Args:
+        besides: what is to be made beside the results of a variant
+    """
     kind, _, path = cameras.partition(":")
     where = f"{kind}:{Path(path).absolute()}" if path else cameras
     variant = kind if kind.isidentifier() else "mesh"
@@ -157,7 +175,7 @@ def _run(
         work.configure(row, values)
     except InputError as error:
         raise InputError(work.restore(str(error))) from error
-    runner.run([work.result(variant, name) for name in RESULTS], bar)
+    runner.run([*(work.result(variant, name) for name in RESULTS), *besides], bar)
     return variant
 
 

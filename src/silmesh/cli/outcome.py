@@ -94,10 +94,16 @@ def export(results: Path, output: Path) -> None:
         results: the folder of ``mesh.glb`` and ``mesh.obj``
     """
     suffix = output.suffix.lower()
-    with replacing(output) as part:
-        if suffix in (".glb", ".obj"):
-            shutil.copyfile(results / f"mesh{suffix}", part)
-        else:
-            import trimesh
+    if suffix in (".glb", ".obj"):
+        copy(results / f"mesh{suffix}", output)
+    else:
+        import trimesh
 
+        with replacing(output) as part:
             trimesh.load_mesh(results / "mesh.obj", process=False).export(part, suffix[1:])
+
+
+def copy(made: Path, output: Path) -> None:
+    """Copy a file to where it is wanted, whole or not at all."""
+    with replacing(output) as part:
+        shutil.copyfile(made, part)
