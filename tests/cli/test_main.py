@@ -124,8 +124,9 @@ def test_photographs_to_a_mesh_and_on_after_an_interruption(tmp_path):
 
     (made,) = cache.rglob("views.json")
     before = made.stat().st_mtime_ns
-    status, said, told = run(tmp_path, photos, *known)
+    status, said, told = run(tmp_path, photos, *known, "--page", "page.html")
     assert status == 0, told
+    assert "<title>silmesh report</title>" in (tmp_path / "page.html").read_text()
     assert made.stat().st_mtime_ns == before
     assert said.startswith("mesh.glb: good; its outline is the object's to ")
     assert said.count("\n") == 1

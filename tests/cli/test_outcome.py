@@ -16,6 +16,7 @@ GOOD = {
     "cameras": {"source": "calibrate"},
     "views": 72,
     "views_dropped": 0,
+    "views_repaired": 0,
     "faces": 2696,
     "watertight": True,
     "silhouettes": "cup/stages/judged/x/silhouettes",
@@ -28,6 +29,10 @@ def test_a_good_mesh():
         "worst; 2,696 triangles, closed"
     )
     assert find_doubts(GOOD, Path("results")) == []
+    changed = GOOD | {"views": 60, "views_dropped": 12, "views_repaired": 4}
+    assert "in 60 photographs (4 redrawn, 12 more left out), 98.6%" in describe(
+        Path("m.glb"), changed
+    )
 
 
 @pytest.mark.parametrize(

@@ -32,7 +32,7 @@ def test_a_view_is_repaired(fresh):
     told = json.loads((judged / "scene.json").read_text())
     assert (told["dropped"], told["repaired"]) == ({}, ["cup_r90"])
     assert told["weights"]["cup_r90"] == 0.5
-    assert (metrics["views"], metrics["views_dropped"]) == (4, 0)
+    assert [metrics[f"views{kind}"] for kind in ("", "_dropped", "_repaired")] == [4, 0, 1]
     found, other = (
         np.asarray(Image.open(judged / f"silhouettes/{view}.png").getchannel("A")) > 0
         for view in ("cup_r90", "cup_r270")  # of a ball, alike

@@ -25,9 +25,9 @@ def refuse_suffix(output: Path) -> None:
 
 def describe(output: Path, metrics: Mapping[str, Any]) -> str:
     """The quality in one line."""
-    views = f"{metrics['views']} photographs"
-    if metrics["views_dropped"]:
-        views += f" ({metrics['views_dropped']} more left out)"
+    told = [(metrics["views_repaired"], "redrawn"), (metrics["views_dropped"], "more left out")]
+    said = ", ".join(f"{count} {what}" for count, what in told if count)
+    views = f"{metrics['views']} photographs" + (f" ({said})" if said else "")
     quality = "good" if not find_doubts(metrics, Path()) else "doubtful"
     whole = "closed" if metrics["watertight"] else "not closed"
     return (

@@ -49,7 +49,15 @@ METRICS = (
     Metric(
         "views_dropped",
         "Views dropped",
-        "Photographs that were left out, because no camera was found for them.",
+        "Photographs that were left out: no camera was found for them, or the others contradict "
+        "their silhouette.",
+        ",d",
+    ),
+    Metric(
+        "views_repaired",
+        "Views repaired",
+        "Photographs that were fitted with a silhouette that was drawn anew, since the others "
+        "contradicted what was found.",
         ",d",
     ),
     Metric("iterations", "Iterations", "Steps of the fit.", ",d"),

@@ -49,6 +49,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         "hull_iou_mean": scene["hull_iou_mean"],
         "views": len(iou),
         "views_dropped": len(scene["dropped"]),
+        "views_repaired": len(scene.get("repaired", [])),
         "hull_doubtful": ", ".join(scene["doubtful"]) or None,
         "loss_final": float(last["loss"]),
         "iterations": int(last["iteration"]) + 1,
