@@ -16,6 +16,7 @@ from silmesh.report.packing import encode_glb, pack
 from silmesh.report.rings import frusta_of, look_ahead
 from silmesh.softras.batches import render_views
 
+HALF = 0.5  # by which the fit makes a first mesh smaller
 DIGITS = 3  # of the cameras' places, in units of the normalised world
 
 
@@ -32,7 +33,7 @@ def describe_exhibit(
     Args:
         mesh: fitted, in the cameras' world
         colours: [verts, 3] of its vertices, linear light in [0, 1]
-        first: the first mesh, in the normalised world
+        first: the first mesh, at unit size: twice as large as in the normalised world
         cameras: of the mesh's world
         similarity: from that world to the normalised one
         sigma: softness of the rendering, as in the fit
@@ -45,7 +46,7 @@ def describe_exhibit(
     frusta, up = frusta_of(cameras.in_world_of(similarity)), cameras.up.numpy()
     return {
         "fitted": pack(encode_glb(place, mesh.faces, colours)),
-        "first": pack(encode_glb(np.asarray(first.vertices), first.faces)),
+        "first": pack(encode_glb(HALF * np.asarray(first.vertices), first.faces)),
         "outlines": dict(zip(cameras.views, _outlines(mesh, cameras, sigma), strict=True)),
         "up": up.tolist(),
         "ahead": look_ahead(cameras, up).tolist(),

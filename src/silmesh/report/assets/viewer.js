@@ -58,12 +58,27 @@ silmesh.Viewer = class {
   frame() {
     const all = new THREE.Box3();
     for (const pane of this.panes) all.expandByObject(pane.scene);
-    const ball = all.getBoundingSphere(new THREE.Sphere());
+    const middle = all.getCenter(new THREE.Vector3());
+    const radius = Math.max(...this.panes.map((pane) => this.reach(pane.scene, middle)));
     const way = this.camera.position.clone().sub(this.controls.target).normalize();
-    this.far = (1.05 * ball.radius) / Math.sin(Math.PI / 12);
+    this.far = (1.05 * radius) / Math.sin(Math.PI / 12);
     Object.assign(this.controls, { minDistance: 0.2 * this.far, maxDistance: 5 * this.far });
-    this.controls.target.copy(ball.center);
+    this.controls.target.copy(middle);
     this.place(way.multiplyScalar(this.far));
+  }
+
+  // How far what a scene shows reaches from a point.
+  reach(scene, point) {
+    const corner = new THREE.Vector3();
+    let most = 0;
+    scene.traverse((node) => {
+      const places = node.geometry?.attributes.position;
+      for (let i = 0; i < (places?.count ?? 0); i++) {
+        corner.fromBufferAttribute(places, i).applyMatrix4(node.matrixWorld);
+        most = Math.max(most, corner.distanceTo(point));
+      }
+    });
+    return most;
   }
 
   // Put the camera there, seen from what it looks at.
