@@ -87,8 +87,9 @@ def test_tables_figure_pictures_and_page_from_results(results):
     )
     gallery.main(
         f"--views {results}/views --scene {results}/{SCENE} --judged {results}/{JUDGED}"
-        f" --output {made}/galleries/box-1/64-keep.json".split()
+        f" --sheet {made}/sheet.png --output {made}/{GALLERY}".split()
     )
+    assert (made / "sheet.png").is_file()
     fates = [v["fate"] for v in json.loads((made / GALLERY).read_text())["views"]]
     assert fates == ["kept", "kept", "kept", "dropped", "lost"]
     (results / "fit.tsv").write_text("s\th:m:s\n12.5\t0:00:12\n")
