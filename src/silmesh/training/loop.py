@@ -20,8 +20,9 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from silmesh.files import replacing
-from silmesh.silhouettes.network import MEAN, STD, Weights, build_network, silence_unseen_taps
+from silmesh.silhouettes.network import MEAN, STD, Weights, build_network, narrow, widen
 from silmesh.training.composite import compose_random, compose_upright
+from silmesh.training.depthwise import hasten
 
 CLASSES = ("background", "object")
 WARM_UP = 0.15  # part of the steps in which the learning rate rises
@@ -98,10 +99,12 @@ class Training:
         self.settings = settings
         torch.manual_seed(settings.seed)
         network = build_network(settings.model, len(CLASSES))
-        if start is None:
-            silence_unseen_taps(network, settings.size)
-        else:
+        if start:
             _load_what_fits(network, start.state)
+        self.whole = narrow(network, settings.size)
+        if not start:  # what is never seen shall not stay random: larger photographs would see it
+            self.whole = {name: torch.zeros_like(kernel) for name, kernel in self.whole.items()}
+        hasten(network)
         for part in network.modules():
             if isinstance(part, nn.BatchNorm2d):
                 part.momentum = MOMENTUM
@@ -130,7 +133,8 @@ class Training:
     @property
     def weights(self) -> Weights:
         """The best epoch's."""
-        return Weights(self.settings.model, CLASSES, MEAN, STD, self.settings.size, self.best)
+        state = widen(self.best, self.whole)
+        return Weights(self.settings.model, CLASSES, MEAN, STD, self.settings.size, state)
 
     def run_epoch(
         self, train: Material, tests: Material, after_step: Callable[[], None] = lambda: None
