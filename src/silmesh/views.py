@@ -212,9 +212,9 @@ def count_frames(path: Path) -> int:
 
 def _to_8_bit(image: Image.Image) -> Image.Image:
     if image.mode.startswith("I"):
-        deep = np.asarray(image).astype(np.float64)
-        deep = deep / (257 if deep.max() > 255 else 1)
-        image = Image.fromarray(deep.clip(0, 255).astype(np.uint8))
+        deep = np.asarray(image).astype(np.float32)
+        deep /= 257 if deep.max() > 255 else 1
+        image = Image.fromarray(deep.clip(0, 255, out=deep).astype(np.uint8))
     elif image.mode == "F":
         image = Image.fromarray(np.asarray(image).clip(0, 255).astype(np.uint8))
     return image.convert("RGBA" if image.has_transparency_data else "RGB")

@@ -88,7 +88,9 @@ def write_silhouettes(
                 wrong = _describe_wrong(silhouette, view, source, file)
             if wrong:
                 refused.append(wrong)
-                if not spare or len(views) - len(refused) < FEWEST:
+                if not spare:
+                    raise InputError(f"{wrong}. quality.policy 'drop' goes on without such a view")
+                if len(views) - len(refused) < FEWEST:
                     raise InputError("\n".join(refused))
                 silhouette = np.zeros((view.size, view.size), bool)
             encode(silhouette).save(part / f"{view.view}.png")

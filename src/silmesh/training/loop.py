@@ -35,7 +35,7 @@ DROP_OUT = 0.1  # torchvision's 0.5 is against learning by heart; no composite c
 TESTS = 64  # composites that each epoch is tested on
 # Parts of the epochs, and of the size, in which they look at photographs: small ones teach most in
 # a second, but only large ones how an edge runs.
-STAGES = ((0.4, 1 / 2), (0.7, 2 / 3), (1.0, 1.0))
+STAGES = ((0.5, 1 / 2), (0.75, 2 / 3), (1.0, 1.0))
 
 
 @dataclass(frozen=True)
@@ -101,6 +101,8 @@ class Training:
         network = build_network(settings.model, len(CLASSES))
         if start:
             _load_what_fits(network, start.state)
+        else:
+            _draw_anew(network)
         self.whole = narrow(network, settings.size)
         if not start:  # what is never seen shall not stay random: larger photographs would see it
             self.whole = {name: torch.zeros_like(kernel) for name, kernel in self.whole.items()}
@@ -112,8 +114,12 @@ class Training:
                 part.p = DROP_OUT
         self.network = network.to(memory_format=torch.channels_last)
         self.mean = deepcopy(self.network).eval()
+        parts = list(self.network.parameters())
+        kernels, others = ([p for p in parts if (p.ndim > 1) == many] for many in (True, False))
         self.optimiser = torch.optim.AdamW(
-            self.network.parameters(), weight_decay=DECAY, fused=True
+            [{"params": kernels}, {"params": others, "weight_decay": 0.0}],
+            weight_decay=DECAY,
+            fused=True,
         )
         self.rows: list[Epoch] = []
         self.best: dict[str, Tensor] = {}
@@ -164,7 +170,8 @@ class Training:
             compose_random(train.cutouts[i], train.backgrounds, size, self._rng(i)) for i in chosen
         ]
         part = (epoch + done / steps) / self.settings.epochs
-        self.optimiser.param_groups[0]["lr"] = self.settings.learning_rate * _one_cycle(part)
+        for group in self.optimiser.param_groups:
+            group["lr"] = self.settings.learning_rate * _one_cycle(part)
         torch.manual_seed(int(self._rng(len(train.cutouts) + done).integers(2**32)))  # drop-out
         loss, iou = self._step(*_stack(pairs), epoch * steps + done)
         self.begun.steps += 1
@@ -293,6 +300,19 @@ def _follow(mean: nn.Module, network: nn.Module, memory: float) -> None:
             old.lerp_(new, 1 - memory)
         else:
             old.copy_(new)
+
+
+def _draw_anew(network: nn.Module) -> None:
+    """Draw the depthwise kernels anew, and let the residual blocks begin as if they were not there.
+
+    torchvision draws each kernel as if its output summed over as many channels as the layer has: of
+    960 channels depthwise ones become so small that a step of Adam's changes them by a fifth.
+    """
+    for part in network.modules():
+        if isinstance(part, nn.Conv2d) and part.groups > 1:
+            nn.init.normal_(part.weight, std=math.sqrt(2) / part.kernel_size[0])
+        elif getattr(part, "use_res_connect", False):  # a block of MobileNetV3
+            nn.init.zeros_(part.block[-1][1].weight)  # of the batch normalisation
 
 
 def _load_what_fits(network: nn.Module, state: Mapping[str, Tensor]) -> None:
