@@ -29,13 +29,22 @@ def test_a_good_mesh():
     assert find_doubts(GOOD, Path("results")) == []
 
 
+def test_photographs_that_are_left_out_are_named():
+    lost = dict.fromkeys("abcd", "empty")
+    said = describe(Path("m.glb"), GOOD | {"views_dropped": 4, "cameras": {"dropped": lost}})
+    assert "in 72 photographs (4 more left out: a, empty; b, empty; c, empty; ...), 98.6%" in said
+
+
 @pytest.mark.parametrize(
     ("change", "advice"),
     [
         ({"hull_iou_mean": 0.71, "iou_mean": 0.7}, "no body fills more than 71% of these"),
         ({"iou_mean": 0.9}, "the fit ended early: try --init auto"),
         ({"iou": {"a": 0.99, "b": 0.3, "c": 0.8}}, "misses the object in b, c: look at their"),
-        ({"views": 50, "views_dropped": 22}, "22 of 72 photographs are left out"),
+        (
+            {"views": 50, "views_dropped": 22, "cameras": {"source": "calibrate", "dropped": {}}},
+            "22 of 72 photographs are left out",
+        ),
         ({"watertight": False}, "not closed: try --init ellipsoid"),
     ],
 )

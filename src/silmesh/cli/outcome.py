@@ -25,7 +25,9 @@ def describe(output: Path, metrics: Mapping[str, Any]) -> str:
     """The quality in one line."""
     views = f"{metrics['views']} photographs"
     if metrics["views_dropped"]:
-        views += f" ({metrics['views_dropped']} more left out)"
+        lost = [f"{view}, {why}" for view, why in metrics["cameras"]["dropped"].items()]
+        named = "; ".join(lost[:NAMED]) + ("; ..." if lost[NAMED:] else "")
+        views += f" ({metrics['views_dropped']} more left out: {named})"
     quality = "good" if not find_doubts(metrics, Path()) else "doubtful"
     whole = "closed" if metrics["watertight"] else "not closed"
     return (
