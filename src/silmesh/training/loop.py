@@ -173,7 +173,7 @@ class Training:
         for group in self.optimiser.param_groups:
             group["lr"] = self.settings.learning_rate * _one_cycle(part)
         torch.manual_seed(int(self._rng(len(train.cutouts) + done).integers(2**32)))  # drop-out
-        loss, iou = self._step(*_stack(pairs), epoch * steps + done)
+        loss, iou = self.step(*_stack(pairs), epoch * steps + done)
         self.begun.steps += 1
         self.begun.loss += loss
         self.begun.iou += iou
@@ -190,7 +190,8 @@ class Training:
         if self.best_epoch == len(self.rows) - 1:
             self.best = {k: v.contiguous().clone() for k, v in self.mean.state_dict().items()}
 
-    def _step(self, images: Tensor, truth: Tensor, number: int) -> tuple[float, float]:
+    def step(self, images: Tensor, truth: Tensor, number: int) -> tuple[float, float]:
+        """The step of this number over all epochs: the loss and the IoU before it."""
         scores = self.network(images)["out"]
         loss = segmentation_loss(scores, truth)
         self.optimiser.zero_grad()
