@@ -305,17 +305,19 @@ def test_an_object_that_the_frame_cuts():
     )
 
 
-def test_an_empty_silhouette_is_named(bear):
+def test_a_full_silhouette_is_named(bear):
     cameras, seen = bear
-    blank = seen.copy()
-    blank[4] = False
-    with pytest.raises(InputError, match="view 'v4' is empty"):
-        calibrate(blank, cameras.views, step=30)
+    full = seen.copy()
+    full[4] = True
+    with pytest.raises(InputError, match="view 'v4' fills its image"):
+        calibrate(full, cameras.views, step=30)
 
 
-def test_two_views():
-    with pytest.raises(InputError, match="there are 2 views; it takes at least 3"):
-        calibrate(np.ones((2, 16, 16), bool), ["a", "b"])
+def test_two_views_with_a_silhouette():
+    seen = np.zeros((4, 16, 16), bool)
+    seen[[0, 2]] = True
+    with pytest.raises(InputError, match="there are 2 views with a silhouette; it takes at least"):
+        calibrate(seen, ["a", "b", "c", "d"])
 
 
 def test_views_of_different_things():
