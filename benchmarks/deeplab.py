@@ -1,6 +1,7 @@
-r"""Silhouettes by ``deeplab``: how fast, and how good with given weights: JSON.
+r"""Silhouettes by ``deeplab``: how fast, also to train, and how good with given weights: JSON.
 
 python benchmarks/deeplab.py
+python benchmarks/deeplab.py --training
 python benchmarks/deeplab.py --weights results/train/weights.pt --tests FOLDER/tests.tsv
 
 Speed does not depend on what the weights are, so random ones serve; large_photographs.py measures
@@ -15,7 +16,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+import torch
 from PIL import Image
+from torch import nn
 
 from silmesh.datasets import read_datasets
 from silmesh.silhouettes.deeplab import Settings, find_all, find_classes
@@ -23,6 +26,9 @@ from silmesh.silhouettes.network import MEAN, STD, Weights, build_network
 from silmesh.training.backgrounds import find_backgrounds, read_backgrounds, split
 from silmesh.training.composite import compose_upright
 from silmesh.training.cutouts import read_cutout
+from silmesh.training.depthwise import AtrousDepthwise
+from silmesh.training.loop import Settings as TrainingSettings
+from silmesh.training.loop import Training, normalise
 from silmesh.views import write_views
 
 PAGE = 512  # side of the composites, in pixels
@@ -33,6 +39,7 @@ def main() -> None:
     """Measure what is asked for."""
     args = argparse.ArgumentParser(description=__doc__)
     args.add_argument("--weights", type=Path, help="measure the quality of these")
+    args.add_argument("--training", action="store_true", help="measure steps of a training")
     args.add_argument("--model", default=MODEL)
     args.add_argument("--tests", type=Path, help="table of the objects to test on")
     args.add_argument("--sizes", type=int, nargs="+", default=[256], help="that the network sees")
@@ -40,6 +47,8 @@ def main() -> None:
     given = args.parse_args()
     if given.weights:
         report = {size: measure_quality(given, size) for size in given.sizes}
+    elif given.training:
+        report = {f"training at {size}": measure_training(size) for size in (96, 128, 192)}
     else:
         report = {f"{model} {s}": measure_speed(model, s) for model, s in
                    ((MODEL, 256), (MODEL, 520), ("resnet50", 256))}  # fmt: skip
@@ -65,6 +74,27 @@ def measure_speed(model: str, size: int, views: int = 12) -> dict:
         list(found)
         wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
         return {"wall": round(wall / views, 4), "cpu": round(cpu / views, 4)}
+
+
+def measure_training(size: int, batch: int = 8, steps: int = 4) -> dict:
+    """Processor time a composite of a step, without making it: ours, and by torch's own layers."""
+    torch.set_num_threads(1)
+    training = Training(TrainingSettings(MODEL, 1, 1, batch, size, 1e-3, 0), None)
+    images = normalise(torch.rand(batch, 3, size, size))
+    truth = torch.randint(2, (batch, size, size))
+    training.network.train()
+    report = {}
+    for kind in (AtrousDepthwise, nn.Conv2d):
+        for part in training.network.modules():
+            if isinstance(part, AtrousDepthwise):
+                part.__class__ = kind
+        training.step(images, truth, 0)
+        start = time.process_time()
+        for number in range(steps):
+            training.step(images, truth, number)
+        cpu = (time.process_time() - start) / steps / batch
+        report["ours" if kind is AtrousDepthwise else "torch"] = round(cpu, 4)
+    return report
 
 
 def draw_photographs(folder: Path, count: int, size: tuple[int, int], ending: str) -> list[Path]:

@@ -55,6 +55,17 @@ def test_a_runs_stages_are_named_by_what_they_depend_on(plan):
     }
 
 
+def test_a_view_may_be_spared_where_no_run_keeps_all(plan):
+    drop = "a: {quality: {policy: drop}}, b: {quality: {policy: repair, fewest: 9}}"
+    lenient = plan(drop)
+    assert lenient.fewest_photographs("cup", "256-pad") == 3
+    assert lenient.spares("cup", "256-pad-mask")
+    mixed = plan(f"{drop}, c: , d: {{silhouettes: threshold, views: {{size: 64}}}}")
+    assert mixed.fewest_photographs("cup", "256-pad") is None  # c takes the masks as they are
+    assert not mixed.spares("cup", "256-pad-mask")
+    assert mixed.fewest_photographs("cup", "64-pad") == 3
+
+
 @pytest.mark.parametrize(
     ("init", "name"),
     [

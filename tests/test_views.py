@@ -310,9 +310,43 @@ def test_views_are_written_with_their_manifest(tmp_path):
 def test_an_unreadable_photograph_leaves_no_half_written_views(tmp_path):
     good = save(tmp_path / "a.png", RGB)
     (tmp_path / "b.png").write_text("not an image")
-    with pytest.raises(InputError, match=r"b\.png"):
+    with pytest.raises(
+        InputError, match=r"b\.png: cannot be read .* Get the file anew, or .*'drop'"
+    ):
         write_views([good, tmp_path / "b.png"], 16, "pad", tmp_path / "out" / "views")
     assert list((tmp_path / "out").iterdir()) == []
+
+
+def truncated(path):
+    """A real JPEG, cut off in the middle."""
+    Image.fromarray(np.random.default_rng(0).integers(0, 256, (64, 48, 3), np.uint8)).save(path)
+    path.write_bytes(path.read_bytes()[:1500])
+    return path
+
+
+def test_unreadable_photographs_keep_their_places_if_enough_are_left(tmp_path):
+    (tmp_path / "b.png").write_text("not an image")
+    (tmp_path / "e.png").touch()
+    paths = [
+        truncated(tmp_path / "a.jpg"),
+        *(tmp_path / "b.png", save(tmp_path / "c.png", RGB), save(tmp_path / "d.png", RGB)),
+        tmp_path / "e.png",
+    ]
+    views = write_views(paths, 16, "pad", tmp_path / "views", fewest=2)
+    assert [view.view for view in views] == ["a", "b", "c", "d", "e"]
+    assert [bool(view.unreadable) for view in views] == [True, True, False, False, True]
+    assert views[0].unreadable.startswith(f"{paths[0]}: cannot be read as an image: ")
+    assert views[1].source == str(paths[1])
+    assert (views[4].width, views[4].height) == (8, 6)
+    assert read_views(tmp_path / "views") == views
+    assert (read_picture(tmp_path / "views/a.png") == 124).all()
+    with pytest.raises(InputError, match=r"a\.jpg.*\n.*b\.png.*\n.*e\.png.*\n.*fewest, 3, can be"):
+        write_views(paths, 16, "pad", tmp_path / "few", fewest=3)
+
+
+def read_picture(path):
+    with Image.open(path) as image:
+        return np.asarray(image)
 
 
 def test_every_nth_view_is_held_out():

@@ -329,7 +329,7 @@ class FastFit(_Fit):
     learning_rate: Positive = Field(0.5, description="the longest step of a vertex, in pixels")
     betas: Betas = Field((0.9, 0.999), description="of the vertices' Adam")
     sigma: Positive | Literal["auto"] = Field(
-        "auto", description="as for softras, of the last steps; auto is 0.12 pixels squared"
+        "auto", description="as for softras, of the last steps; auto is 0.03 pixels squared"
     )
     weights: FastWeights = Field(FastWeights(), description="of the smoothness terms")
     smoothing: NotNegative = Field(

@@ -48,7 +48,7 @@ COLMAP = {  # the attempts of COLMAP's, by whether it masks
     "auto": ("colmap", "colmap_fallback"),
 }
 EXHAUSTIVE = 60  # photographs, up to which every pair is matched unless told otherwise
-SOFTNESS = 0.12  # pixels: the root of sigma where it is `auto`
+SOFTNESS = 0.03  # pixels: the root of sigma where it is `auto`
 TUNNELLED = {"prism", "hull", "auto"}  # first meshes that can have tunnels
 TRAINED = Path("results/train/weights.pt")  # what `bin/run train` makes
 WEIGHTS = Path("resources/weights")  # links to those that were fetched into the user's cache
@@ -257,11 +257,22 @@ class Plan:
 
     def spares(self, object_: str, key: str) -> bool:
         """Whether no run with these silhouettes needs every one of them."""
-        return all(
-            run.policy != "keep"
+        return all(run.policy != "keep" for run in self._having(object_, "silhouettes", key))
+
+    def fewest_photographs(self, object_: str, key: str) -> int | None:
+        """How many of the photographs of these views must be readable; None if all must."""
+        runs = self._having(object_, "views", key)
+        if any(run.policy == "keep" for run in runs):
+            return None
+        return min(run.quality.fewest for run in runs)
+
+    def _having(self, object_: str, stage: str, key: str) -> list[Run]:
+        """The runs of an object whose stage has this key."""
+        return [
+            run
             for run in self.runs
-            if (run.dataset.object, run.silhouettes_key) == (object_, key)
-        )
+            if (run.dataset.object, getattr(run, f"{stage}_key")) == (object_, key)
+        ]
 
     def _first(self, object_: str, suits: Any) -> Run:
         for run in self.runs:

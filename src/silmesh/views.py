@@ -7,7 +7,7 @@ black; ``stretch`` fills the square, as the report does.
 import json
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,7 @@ from silmesh.files import replacing
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
 ANIMATED = ("PNG", "WEBP", "TIFF")  # formats, as Pillow calls them, that may have more frames
 MANIFEST = "views.json"
+GROUND = 124  # grey of the working image of a photograph that cannot be read
 
 
 @dataclass(frozen=True)
@@ -34,6 +35,8 @@ class View:
         width, height: of the photograph, in pixels
         size: of the working image, in pixels
         left, top, right, bottom: the photograph within the working image, in pixels
+        unreadable: why the photograph cannot be read; its working image is grey, and it is taken
+            to be as large as the first that can
     """
 
     view: str
@@ -45,6 +48,7 @@ class View:
     top: int
     right: int
     bottom: int
+    unreadable: str = ""
 
     @property
     def pixel_map(self) -> np.ndarray:
@@ -208,22 +212,28 @@ def count_frames(path: Path) -> int:
 
 def _to_8_bit(image: Image.Image) -> Image.Image:
     if image.mode.startswith("I"):
-        deep = np.asarray(image).astype(np.float64)
-        deep = deep / (257 if deep.max() > 255 else 1)
-        image = Image.fromarray(deep.clip(0, 255).astype(np.uint8))
+        deep = np.asarray(image).astype(np.float32)
+        deep /= 257 if deep.max() > 255 else 1
+        image = Image.fromarray(deep.clip(0, 255, out=deep).astype(np.uint8))
     elif image.mode == "F":
         image = Image.fromarray(np.asarray(image).clip(0, 255).astype(np.uint8))
     return image.convert("RGBA" if image.has_transparency_data else "RGB")
 
 
-def read_photographs(paths: Sequence[Path]) -> Iterator[tuple[str, str, Image.Image]]:
-    """Give name, file and image of each photograph in turn, from image files or one ``.npy``."""
+def read_photographs(paths: Sequence[Path]) -> Iterator[tuple[str, str, Image.Image | InputError]]:
+    """Give name, file and image of each photograph in turn, from image files or one ``.npy``.
+
+    In place of the image of a file that cannot be read stands why.
+    """
     if len(paths) == 1 and paths[0].suffix == ".npy":
         for i, planes in enumerate(_open_array(paths[0])):
             yield f"{i:04d}", str(paths[0]), Image.fromarray(np.moveaxis(planes, 0, -1))
-    else:
-        for path in paths:
+        return
+    for path in paths:
+        try:
             yield path.stem, str(path), read_image(path)
+        except InputError as error:
+            yield path.stem, str(path), error
 
 
 def read_photograph(view: View, least: tuple[int, int] | None = None) -> Image.Image:
@@ -234,24 +244,56 @@ def read_photograph(view: View, least: tuple[int, int] | None = None) -> Image.I
     return read_image(source, least)
 
 
-def write_views(paths: Sequence[Path], size: int, resize: str, folder: Path) -> list[View]:
+def write_views(
+    paths: Sequence[Path], size: int, resize: str, folder: Path, fewest: int | None = None
+) -> list[View]:
     """Resize photographs into ``<folder>/<view>.png`` and keep the pixel maps in ``views.json``.
+
+    A photograph that cannot be read stays a view, since the place in a turn counts.
 
     Args:
         paths: image files, or one ``.npy`` as SoftRas has it
         size: of the working images, in pixels
         resize: ``pad`` or ``stretch``
+        fewest: photographs that must be readable; all of them if not given
+
+    Raises:
+        InputError: too few are
     """
-    views = []
+    views: list[View] = []
+    unreadable: dict[str, tuple[str, str]] = {}  # file, and why
     with replacing(folder) as part:
         part.mkdir()
         for name, source, image in read_photographs(paths):
+            if isinstance(image, InputError):
+                unreadable[name] = source, str(image)
+                _refuse_too_few([why for _, why in unreadable.values()], len(paths), fewest)
+                continue
             view = place_view(name, source, *image.size, size, resize)
             view.place(image, Image.Resampling.LANCZOS).save(part / f"{name}.png")
             views.append(view)
+        for name, (source, why) in unreadable.items():
+            views.append(replace(views[0], view=name, source=source, unreadable=why))
+            Image.new("RGB", (size, size), (GROUND,) * 3).save(part / f"{name}.png")
+        if unreadable:
+            order = {path.stem: place for place, path in enumerate(paths)}
+            views.sort(key=lambda view: order[view.view])
         rows = [asdict(view) for view in views]
         (part / MANIFEST).write_text(json.dumps(rows, indent=1) + "\n")
     return views
+
+
+def _refuse_too_few(unreadable: Sequence[str], photographs: int, fewest: int | None) -> None:
+    """Refuse photographs of which so many cannot be read."""
+    if fewest is None:
+        raise InputError(
+            f"{unreadable[0]}. Get the file anew, or let quality.policy 'drop' go on without it"
+        )
+    if photographs - len(unreadable) < max(fewest, 1):
+        raise InputError(
+            "\n".join(unreadable) + f"\nof {photographs} photographs fewer than quality.fewest, "
+            f"{fewest}, can be read; get these files anew"
+        )
 
 
 def read_views(folder: Path) -> list[View]:

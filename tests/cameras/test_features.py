@@ -51,6 +51,18 @@ def test_images_are_numbered_and_named_as_the_views(photographs, tmp_path):
     assert not camera.has_prior_focal_length
 
 
+def test_an_unreadable_photograph_is_left_out_and_keeps_its_number(photographs, tmp_path):
+    photographs[1].write_bytes(photographs[1].read_bytes()[:500])
+    report, database = features(photographs, tmp_path)
+    assert {i: row[0] for i, row in read(database).items()} == {1: "0", 3: "2", 4: "3"}
+    assert list(report.dropped) == ["1"]
+    assert report.dropped["1"].startswith(f"{photographs[1]}: cannot be read as an image: ")
+    for path in photographs[2:]:
+        path.write_text("no image")
+    with pytest.raises(InputError, match="there are 1 different photographs"):
+        features(photographs, tmp_path, "few")
+
+
 def test_the_same_photographs_give_the_same_bytes_with_any_number_of_threads(photographs, tmp_path):
     one = features(photographs, tmp_path, "one")[1]
     two = features(photographs, tmp_path, "two", threads=2)[1]

@@ -37,6 +37,16 @@ def photographs(folder, backgrounds, alpha=False):
     return files
 
 
+def test_what_cannot_be_read_is_not_looked_at(tmp_path):
+    files = photographs(tmp_path, [uneven() for _ in range(3)])
+    files[1].write_text("nonsense")
+    assert look(files).plain
+    for file in files:
+        file.write_text("nonsense")
+    with pytest.raises(InputError, match=r"0\.png: cannot be read as an image"):
+        look(files)
+
+
 def test_a_plain_background_lit_unevenly(tmp_path):
     seen = look(photographs(tmp_path, [uneven() for _ in range(4)]))
     assert seen.plain

@@ -13,7 +13,7 @@ GOOD = {
     "iou_min": 0.9858,
     "iou": {"a": 0.999, "b": 0.9858},
     "hull_iou_mean": 0.987,
-    "cameras": {"source": "calibrate"},
+    "cameras": {"source": "calibrate", "dropped": {}},
     "views": 72,
     "views_dropped": 0,
     "views_repaired": 0,
@@ -29,10 +29,14 @@ def test_a_good_mesh():
         "worst; 2,696 triangles, closed"
     )
     assert find_doubts(GOOD, Path("results")) == []
-    changed = GOOD | {"views": 60, "views_dropped": 12, "views_repaired": 4}
-    assert "in 60 photographs (4 redrawn, 12 more left out), 98.6%" in describe(
-        Path("m.glb"), changed
-    )
+
+
+def test_photographs_that_are_left_out_are_named():
+    lost = {"source": "calibrate", "dropped": dict.fromkeys("abcd", "empty")}
+    changed = GOOD | {"views_dropped": 4, "views_repaired": 2, "cameras": lost}
+    assert (
+        "in 72 photographs (2 redrawn, 4 more left out: a, empty; b, empty; c, empty; ...), 98.6%"
+    ) in describe(Path("m.glb"), changed)
 
 
 @pytest.mark.parametrize(
@@ -46,7 +50,10 @@ def test_a_good_mesh():
         ),
         ({"iou_mean": 0.9}, "the fit ended early: try --init auto"),
         ({"iou": {"a": 0.99, "b": 0.3, "c": 0.8}}, "misses the object in b, c: look at their"),
-        ({"views": 50, "views_dropped": 22}, "22 of 72 photographs are left out"),
+        (
+            {"views": 50, "views_dropped": 22},
+            "22 of 72 photographs are left out",
+        ),
         ({"watertight": False}, "not closed: try --init ellipsoid"),
     ],
 )

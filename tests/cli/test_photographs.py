@@ -93,10 +93,10 @@ def test_a_folder_of_two_objects_is_refused_and_one_by_its_files_is_not(tmp_path
     )
 
 
-def test_a_file_that_is_no_image(tmp_path):
-    save_series(tmp_path, "a")
-    (tmp_path / "a_1.png").write_text("nonsense")
-    assert refusal(tmp_path).startswith(f"{tmp_path}/a_1.png: cannot be read as an image: ")
+def test_a_file_that_is_no_image_is_left_to_the_policy(tmp_path):
+    files = save_series(tmp_path, "a")
+    files[1].write_text("nonsense")
+    assert find_photographs([tmp_path]) == (files, [])
 
 
 @pytest.mark.parametrize("place", ["photos/masks", "masks"])

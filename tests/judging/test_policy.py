@@ -41,6 +41,19 @@ def test_too_few_views_are_refused_with_what_is_wrong(scene):
         decided(scene, "drop", fewest=15)
 
 
+def test_what_cannot_be_read_is_said_and_not_segmented_again(scene):
+    truth, found, cameras = scene
+
+    def segment(doubtful, sound):
+        assert (doubtful, len(sound)) == ([9], COUNT - 2)
+        return truth[[9]]
+
+    lost = {2: "its photograph cannot be used"}
+    decision = decide("repair", 3, found, cameras, segment, lost=lost, unreadable=[2])
+    assert (decision.fates[2], decision.fates[9]) == ("dropped", "repaired")
+    assert decision.verdict.doubts[2] == lost[2]
+
+
 def test_a_repaired_view_is_fitted_and_one_that_stays_doubtful_is_dropped(scene):
     truth, found, _ = scene
 

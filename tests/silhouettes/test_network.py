@@ -12,7 +12,8 @@ from silmesh.silhouettes.network import (
     Weights,
     build_network,
     load_weights,
-    silence_unseen_taps,
+    narrow,
+    widen,
     write_weights,
 )
 
@@ -53,15 +54,22 @@ def test_the_network_is_torchvisions():
     assert network.state_dict()["classifier.0.convs.2.0.weight"].shape == (256, 960, 3, 3)
 
 
-def test_taps_that_training_never_reaches_are_silent():
-    network = build_network(SMALL, 2)
-    branches = [network.classifier[0].convs[i][0] for i in (1, 2, 3)]  # rates 12, 24, 36
-    middles = [b.weight[:, :, 1, 1].clone() for b in branches]
-    silence_unseen_taps(network, 16 * 24)  # 24 features across
-    for branch, middle in zip(branches, middles, strict=True):
-        torch.testing.assert_close(branch.weight[:, :, 1, 1], middle)
-    outer = [int((b.weight != 0).sum(dim=(0, 1)).count_nonzero()) for b in branches]
-    assert outer == [9, 1, 1]
+def test_a_narrowed_network_does_the_same_and_is_widened_again():
+    network = build_network(SMALL, 2).eval()
+    before = {name: value.clone() for name, value in network.state_dict().items()}
+    images = torch.rand(1, 3, 16 * 24, 32)  # 24 rows of features
+    with torch.no_grad():
+        expected = network(images)["out"]
+        whole = narrow(network, 16 * 24)
+        torch.testing.assert_close(network(images)["out"], expected)
+    assert sorted(whole) == [f"classifier.0.convs.{i}.0.weight" for i in (2, 3)]  # 24, 36 of 12
+    narrowed = network.state_dict()
+    assert narrowed["classifier.0.convs.2.0.weight"].shape == (256, 960, 1, 1)
+    narrowed["classifier.0.convs.2.0.weight"] += 1
+    wide = widen(narrowed, whole)
+    before["classifier.0.convs.2.0.weight"][:, :, 1, 1] += 1
+    assert list(map(str, wide)) == list(map(str, before))
+    assert all(torch.equal(wide[name], value) for name, value in before.items())
 
 
 def test_a_file_gives_back_what_was_written(file):

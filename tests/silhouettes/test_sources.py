@@ -5,7 +5,7 @@ from scenes import save
 from scipy import ndimage
 
 from silmesh.errors import InputError
-from silmesh.silhouettes import encode, read_silhouettes, write_silhouettes
+from silmesh.silhouettes import encode, read_lost, read_silhouettes, write_silhouettes
 from silmesh.views import write_views
 
 BLOCK = np.zeros((48, 64), bool)
@@ -123,6 +123,29 @@ def test_an_unusable_silhouette_is_empty_if_it_may_be_spared(tmp_path):
     assert "view 'b'" in wrong
     found = read_silhouettes(tmp_path / "out", ["a", "b", "c"])
     assert found.any(axis=(1, 2)).tolist() == [True, False, True]
+
+
+def test_what_cannot_be_read_loses_its_view_alone(tmp_path):
+    paths = [save(tmp_path / f"{n}.png", np.zeros((48, 64, 3), np.uint8)) for n in "abcd"]
+    masks = [save(tmp_path / f"mask/{n}.png", BLOCK) for n in "abcd"]
+    paths[0].write_text("not an image")
+    masks[2].write_bytes(masks[2].read_bytes()[:40])
+    views = write_views(paths, 32, "pad", tmp_path / "views", fewest=2)
+    given = ("mask", views, tmp_path / "views", masks, tmp_path / "out")
+    first, second = write_silhouettes(*given, spare=True)
+    assert first.startswith(f"{paths[0]}: cannot be read")
+    assert second.startswith(f"{masks[2]}: cannot be read")
+    found = read_silhouettes(tmp_path / "out", list("abcd"))
+    assert found.any(axis=(1, 2)).tolist() == [False, True, False, True]
+    assert read_lost(tmp_path / "out") == {
+        "a": "its photograph cannot be used",
+        "c": "its mask cannot be used",
+    }
+    with pytest.raises(InputError, match="cannot be read"):
+        write_silhouettes(*given)
+    masks[1].write_bytes(b"")
+    with pytest.raises(InputError, match=r"a\.png.*\n.*b\.png.*\n.*c\.png"):
+        write_silhouettes(*given, spare=True)
 
 
 def test_at_least_two_views_need_a_silhouette(tmp_path):

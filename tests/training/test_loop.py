@@ -61,7 +61,19 @@ def test_the_rate_rises_and_falls():
 def test_the_first_epochs_look_at_smaller_photographs():
     settings = Settings("mobilenet_v3_large", 10, 5, 2, 192, 1e-3, 0)
     sizes = [_size_at(epoch, settings) for epoch in range(10)]
-    assert sizes == [96, 96, 96, 96, 128, 128, 128, 192, 192, 192]
+    assert sizes == [96] * 4 + [128] * 3 + [192] * 3
+
+
+def test_random_depthwise_kernels_keep_what_they_are_given_in_size():
+    torch.manual_seed(0)
+    network = Training(TINY, None).network
+    block = network.backbone["15"]  # of 960 channels, kernels of 5 x 5, and residual
+    depthwise, projection = block.block[1], block.block[-1]
+    features = torch.randn(2, 960, 12, 12)
+    spread = depthwise[0](features)[:, :, 4:-4, 4:-4].std().detach()
+    assert float(spread) == pytest.approx(2**0.5, rel=0.1)
+    assert not projection[1].weight.any()
+    torch.testing.assert_close(block(features[:, :160]), features[:, :160])
 
 
 def test_a_run_that_is_taken_up_goes_on_bit_by_bit(tmp_path):

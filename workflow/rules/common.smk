@@ -13,6 +13,14 @@ def code_digest(module):
     return lambda wildcards: digest_code(module)
 
 
+def views_settings(wildcards):
+    """The arguments that say how photographs are resized, and how many must be readable."""
+    views = plan.with_key(wildcards.object, "views", wildcards.views).views
+    fewest = plan.fewest_photographs(wildcards.object, wildcards.views)
+    least = "" if fewest is None else f" --fewest {fewest}"
+    return f"--size {views.size} --resize {views.resize}{least}"
+
+
 def with_scene(wildcards):
     """A run that has this scene."""
     return plan.with_key(wildcards.object, "scene", wildcards.scene)

@@ -14,9 +14,7 @@ rule views:
         "logs/views/{object}-{views}.tsv"
     priority: 10
     params:
-        settings=lambda w: "--size {0.size} --resize {0.resize}".format(
-            plan.with_key(w.object, "views", w.views).views
-        ),
+        settings=views_settings,
         code=code_digest("silmesh.steps.views"),
     message:
         "{wildcards.object}: resizing its photographs"

@@ -83,7 +83,7 @@ class Calibration:
         mirror: what tells the object from its mirror image: ``perspective``, ``table`` (the camera
             is taken to stand above it), ``elevation`` (it was given), or ``open``
         rms: root mean square of the residuals, in pixels
-        view_rms: of each view
+        view_rms: of each view, 0 without a silhouette
         offsets: [views] degrees by which each view's angle differs from even steps
         warnings: what a person should know, in sentences
     """
@@ -112,7 +112,8 @@ def calibrate(
     """Find the cameras of a turntable.
 
     Args:
-        silhouettes: [views, size, size] bool, in the order in which the views were taken
+        silhouettes: [views, size, size] bool, in the order in which the views were taken; an empty
+            one says nothing, and its camera stands where the even steps put it
         views: their names
         step: degrees from view to view, if known; its sign does not matter
         elevation: of the camera above the table in degrees, if known
@@ -124,20 +125,22 @@ def calibrate(
         progress: is told which share is done
 
     Raises:
-        InputError: fewer than 3 views, a silhouette without an outline, or silhouettes that no
-            turntable explains
+        InputError: fewer than 3 views have a silhouette, one fills its image, or no turntable
+            explains them
     """
-    if len(silhouettes) < FEWEST_VIEWS:
+    shown = np.flatnonzero(silhouettes.any(axis=(1, 2)))
+    if len(shown) < FEWEST_VIEWS:
         raise InputError(
-            f"cameras 'calibrate': there are {len(silhouettes)} views; it takes at least "
-            f"{FEWEST_VIEWS}, and a dozen to be trusted"
+            f"cameras 'calibrate': there are {len(shown)} views with a silhouette; it takes at "
+            f"least {FEWEST_VIEWS}, and a dozen to be trusted"
         )
     samples = int(np.clip(POINTS // len(views), FEWEST_SAMPLES, MOST_SAMPLES))
-    outlines = trace(silhouettes, samples, views)
-    turn = Turntable(outlines, silhouettes.shape[1], aspect, distance)
+    named = [views[i] for i in shown]
+    outlines = trace(silhouettes[shown], samples, named)
+    turn = Turntable(outlines, silhouettes.shape[1], aspect, distance, shown)
     known = [i for i, value in ((ELEVATION, elevation), (STEP, step)) if value is not None]
     sides = (1,) if above_table else (1, -1)
-    starts = _search(turn, step, elevation, sides, within(progress, 0, SEARCHED))
+    starts = _search(turn, len(views), step, elevation, sides, within(progress, 0, SEARCHED))
     refining = within(progress, SEARCHED, REFINED)
     fits = []
     for done, start in enumerate(starts, start=1):
@@ -151,7 +154,7 @@ def calibrate(
     best = _fit_offsets(turn, fits[0], known)
     progress(1)
     misses = turn.misses(best.x)
-    said = _look_at(turn, silhouettes, views)
+    said = _look_at(turn, silhouettes[shown], named)
     _refuse_incoherent(turn, misses, said)
     return _report(turn, best, misses, known, views, _find_rivals(turn, fits), mirror, said)
 
@@ -184,19 +187,19 @@ def _free(turn: Turntable, known: Sequence[int], offsets: bool = False) -> np.nd
 
 def _search(
     turn: Turntable,
+    places: int,
     step: float | None,
     elevation: float | None,
     sides: Sequence[int],
     progress: Share,
 ) -> list[np.ndarray]:
-    """The parameters to refine, found on fewer views.
+    """The parameters to refine, found on fewer views of so many places in the turn.
 
     The best of each direction of turning, side of the table and arc, unless clearly worse than the
     best of all.
     """
     thin = turn.thin()
-    count = len(turn.index)
-    steps = [abs(step)] if step is not None else [arc / count for arc in ARCS]
+    steps = [abs(step)] if step is not None else [arc / places for arc in ARCS]
     starts = STARTS if step is not None else STARTS[::2]
     if elevation is not None:
         starts, sides = [(elevation, angle) for _, angle in STARTS[:2]], (1,)
@@ -210,7 +213,7 @@ def _search(
     found.sort(key=lambda pair: pair[0])
     most = RIVAL * found[0][0] + NOISE**2
     best = [x[: len(NAMES)] for cost, x in found[:RIVALS] if cost < most]
-    return [np.concatenate([x, np.zeros(count)]) for x in best]
+    return [np.concatenate([x, np.zeros(len(turn.index))]) for x in best]
 
 
 def _resolve_mirror(
@@ -312,19 +315,18 @@ def _report(
     mirror: str,
     said: Sequence[str],
 ) -> Calibration:
-    own = fit.x[len(NAMES) :]
+    count = len(views)
+    *camera, own = turn.cameras_at(fit.x, count)
     alike = distance_between(turn.outlines) < ALIKE
     free = _free(turn, known, offsets=bool(own.any()))
     estimates = _estimate(turn, fit, misses, known, free, alike)
-    view_rms = np.array(
-        [
-            _root_mean_square(r[k]) if k.any() else 0.0
-            for r, k in zip(misses.pixels, turn.outlines.known, strict=True)
-        ]
-    )
+    view_rms = np.zeros(count)
+    view_rms[turn.index] = [
+        _root_mean_square(r[k]) if k.any() else 0.0
+        for r, k in zip(misses.pixels, turn.outlines.known, strict=True)
+    ]
     rms = _root_mean_square(misses.pixels[turn.outlines.known])
-    K, R, t = (torch.as_tensor(part) for part in turn.camera(fit.x))
-    count = len(views)
+    K, R, t = map(torch.as_tensor, camera)
     cameras = Cameras(tuple(views), torch.full((count, 2), turn.size), K.repeat(count, 1, 1), R, t)
     certain = not alike and all(x[STEP] * fit.x[STEP] > 0 for x in rivals)
     warnings = [

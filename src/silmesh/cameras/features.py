@@ -9,6 +9,7 @@ import hashlib
 import shutil
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -62,27 +63,33 @@ def extract(
         progress: is told which share is done
 
     Raises:
-        InputError: the photographs are an array, too few, too small, or without texture
+        InputError: the photographs are an array, too few that can be read, too small, or without
+            texture
     """
     _refuse_array(paths)
     work = partial(_look_at, max_size=max_size, count=count)
     if threads > 1:
         with ProcessPoolExecutor(threads) as pool:
-            found = _follow(pool.map(work, paths), len(paths), progress)
+            looks = _follow(pool.map(work, paths), len(paths), progress)
     else:
-        found = _follow(map(work, paths), len(paths), progress)
+        looks = _follow(map(work, paths), len(paths), progress)
+    found = [look for look in looks if isinstance(look, Photograph)]
     repeated = _find_repeated(found)
     _refuse_few(len(found), repeated)
     report = _describe(found, repeated)
-    _write_database(folder / DATABASE, [p for p in found if p.view not in repeated], found)
-    return report
+    unreadable = {p.stem: why for p, why in zip(paths, looks, strict=True) if isinstance(why, str)}
+    names = [path.stem for path in paths]
+    _write_database(folder / DATABASE, [p for p in found if p.view not in repeated], names)
+    return replace(report, dropped={**report.dropped, **unreadable})
 
 
-def _follow(looks: Iterable[Photograph], count: int, progress: Share) -> list[Photograph]:
-    """The photographs as they are looked at, each told of."""
+def _follow(
+    looks: Iterable[Photograph | str], count: int, progress: Share
+) -> list[Photograph | str]:
+    """The photographs, or what is wrong with them, as they are looked at, each told of."""
     found = []
-    for photograph in looks:
-        found.append(photograph)
+    for look in looks:
+        found.append(look)
         progress(len(found) / count)
     return found
 
@@ -97,9 +104,12 @@ def _refuse_array(paths: Sequence[Path]) -> None:
         )
 
 
-def _look_at(path: Path, max_size: int, count: int) -> Photograph:
-    """Read a photograph and find its features."""
-    image = read_image(path).convert("L")
+def _look_at(path: Path, max_size: int, count: int) -> Photograph | str:
+    """Read a photograph and find its features; why it cannot be read, if it cannot."""
+    try:
+        image = read_image(path).convert("L")
+    except InputError as error:
+        return str(error)
     width, height = image.size
     if max(width, height) < LEAST_SIDE:
         raise InputError(
@@ -191,11 +201,9 @@ def _describe(found: Sequence[Photograph], repeated: dict[str, str]) -> Report:
     return report
 
 
-def _write_database(
-    path: Path, photographs: Sequence[Photograph], numbered: Sequence[Photograph]
-) -> None:
-    """Write a database, in which a photograph's number is its place in ``numbered``."""
-    number = {p.view: i for i, p in enumerate(numbered, start=1)}
+def _write_database(path: Path, photographs: Sequence[Photograph], numbered: Sequence[str]) -> None:
+    """Write a database, in which a photograph's number is the place of its view in ``numbered``."""
+    number = {view: i for i, view in enumerate(numbered, start=1)}
     lenses: dict[tuple, pycolmap.Camera] = {}
     with pycolmap.Database.open(path) as database:
         for p in photographs:

@@ -47,16 +47,23 @@ class Turntable:
         size: of their square images
         aspect: height over width of a square's image
         distance: of the camera from the axis in sizes of the object, if it is known roughly
+        index: [views] their places in the turn, in steps from the first; one after the other if
+            not given
     """
 
     def __init__(
-        self, outlines: Outlines, size: int, aspect: float = 1.0, distance: float | None = None
+        self,
+        outlines: Outlines,
+        size: int,
+        aspect: float = 1.0,
+        distance: float | None = None,
+        index: np.ndarray | None = None,
     ):
         self.outlines = outlines
         self.size = size
         self.aspect = aspect
         self.distance = distance
-        self.index = np.arange(len(outlines.points))  # of the views, in steps from the first
+        self.index = np.arange(len(outlines.points)) if index is None else index
         low, high = outlines.points.min(axis=1), outlines.points.max(axis=1)  # [views, 2]
         self.column, self.row = ((low + high) / 2).mean(axis=0)
         from_middle = (outlines.points - [self.column, self.row]) / [1, aspect]
@@ -69,7 +76,7 @@ class Turntable:
         kept = np.unique(np.linspace(0, count, COARSE_VIEWS, endpoint=False).astype(int))
         kept = kept if count > COARSE_VIEWS else np.arange(count)
         every = max(1, self.outlines.known.shape[1] // COARSE_SAMPLES)
-        return self._with(self.outlines.select(kept, every), kept)
+        return self._with(self.outlines.select(kept, every), self.index[kept])
 
     def sparse(self) -> "Turntable":
         """The same on every other point."""
@@ -80,6 +87,19 @@ class Turntable:
         """The same with residuals at some points of the outlines, [samples] bool, alone."""
         known = self.outlines.known & samples
         return self._with(replace(self.outlines, known=known), self.index)
+
+    def cameras_at(
+        self, x: np.ndarray, places: int
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """``camera`` of so many places in the turn, also of those without a silhouette.
+
+        Returns:
+            K [3, 3], R [places, 3, 3], t [places, 3], and the offsets [places], 0 without one
+        """
+        offsets = np.zeros(places)
+        offsets[self.index] = x[len(NAMES) :]
+        whole = self._with(self.outlines, np.arange(places))
+        return *whole.camera(np.r_[x[: len(NAMES)], offsets]), offsets
 
     def _with(self, outlines: Outlines, index: np.ndarray) -> "Turntable":
         part = copy(self)

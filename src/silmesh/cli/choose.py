@@ -44,9 +44,20 @@ class Look:
 
 
 def look(files: Sequence[Path]) -> Look:
-    """Look at some of the photographs."""
+    """Look at some of the photographs, and of these at what can be read.
+
+    Raises:
+        InputError: none of them can
+    """
     places = np.linspace(0, len(files) - 1, min(LOOKED_AT, len(files))).round().astype(int)
-    shown = [read_image(files[i], (SMALL, SMALL)) for i in places]
+    shown, wrong = [], []
+    for i in places:
+        try:
+            shown.append(read_image(files[i], (SMALL, SMALL)))
+        except InputError as error:
+            wrong.append(error)
+    if not shown:
+        raise wrong[0]
     for image in shown:
         image.thumbnail((SMALL, SMALL))
     cut_out = all(i.mode == "RGBA" and i.getchannel("A").getextrema()[0] < 128 for i in shown)

@@ -25,9 +25,14 @@ def refuse_suffix(output: Path) -> None:
 
 def describe(output: Path, metrics: Mapping[str, Any]) -> str:
     """The quality in one line."""
-    told = [(metrics["views_repaired"], "redrawn"), (metrics["views_dropped"], "more left out")]
-    said = ", ".join(f"{count} {what}" for count, what in told if count)
-    views = f"{metrics['views']} photographs" + (f" ({said})" if said else "")
+    said = []
+    if count := metrics["views_repaired"]:
+        said.append(f"{count} redrawn")
+    if count := metrics["views_dropped"]:
+        lost = [f"{view}, {why}" for view, why in metrics["cameras"]["dropped"].items()]
+        named = "; ".join(lost[:NAMED]) + ("; ..." if lost[NAMED:] else "")
+        said.append(f"{count} more left out: {named}")
+    views = f"{metrics['views']} photographs" + (f" ({', '.join(said)})" if said else "")
     quality = "good" if not find_doubts(metrics, Path()) else "doubtful"
     whole = "closed" if metrics["watertight"] else "not closed"
     return (

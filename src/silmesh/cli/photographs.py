@@ -144,7 +144,8 @@ def _mix(files: Sequence[Path]) -> str:
     """What kinds of photographs there are, if they are of several cameras or series of names."""
     kinds = defaultdict(list)
     for file in files:
-        kinds[_kind(file)].append(file)
+        if kind := _kind(file):
+            kinds[kind].append(file)
     if len(kinds) > 1:
         return _list_kinds(kinds.items())
     series = defaultdict(list)
@@ -161,12 +162,12 @@ def _list_kinds(kinds: Iterable[tuple[str, list[Path]]]) -> str:
 
 
 def _kind(file: Path) -> str:
-    """Size, however it is turned, and camera of a photograph."""
+    """Size, however it is turned, and camera of a photograph; nothing of one that is unreadable."""
     try:
         with Image.open(file) as opened:
             exif = opened.getexif()
             longer, shorter = sorted(opened.size, reverse=True)
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise InputError(f"{file}: cannot be read as an image: {error}") from error
+    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
+        return ""  # what is done with it depends on the policy
     camera = " ".join(str(exif[tag]).strip("\0 ") for tag in (MAKER, MODEL) if tag in exif)
     return f"of {longer}x{shorter}" + (f" by {camera}" if camera else "")

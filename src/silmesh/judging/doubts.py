@@ -6,8 +6,8 @@ it denies although at most k others do (a part that is lacking). Both are judged
 views of the same object, since cameras that are a little wrong raise them in all views alike.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
@@ -48,6 +48,10 @@ class Verdict:
     def sound(self) -> list[int]:
         """The positions of the others."""
         return [i for i, doubt in enumerate(self.doubts) if not doubt]
+
+    def explain(self, lost: Mapping[int, str]) -> "Verdict":
+        """The same, where it is known why the silhouettes at these positions are empty."""
+        return replace(self, doubts=[lost.get(i, doubt) for i, doubt in enumerate(self.doubts)])
 
 
 def judge(silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray | None = None) -> Verdict:

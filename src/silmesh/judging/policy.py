@@ -1,6 +1,6 @@
 """What is done with doubtful views: kept, dropped, or segmented again; never silently."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,6 +40,8 @@ def decide(
     cameras: Cameras,
     segment: Callable[[Sequence[int], Sequence[int]], np.ndarray],
     frames: np.ndarray | None = None,
+    lost: Mapping[int, str] | None = None,
+    unreadable: Collection[int] = (),
 ) -> Decision:
     """Judge the silhouettes and deal with the doubtful ones.
 
@@ -50,14 +52,17 @@ def decide(
         cameras: of these views, in the normalised world
         segment: gives new silhouettes of doubtful views, from their positions and the sound ones'
         frames: [views, 4] of the photographs within the images, as ``judge`` takes them
+        lost: why silhouettes are empty, by position, where it is known
+        unreadable: positions of the views without a photograph to segment again
 
     Raises:
         InputError: too few views would be left
     """
-    verdict = judge(silhouettes, cameras, frames)
+    verdict = judge(silhouettes, cameras, frames).explain(lost or {})
     doubtful, fates, new = verdict.doubtful, [KEPT] * len(silhouettes), silhouettes.copy()
     if policy == "repair" and doubtful:
-        new[doubtful] = segment(doubtful, verdict.sound)
+        if seen := [i for i in doubtful if i not in unreadable]:
+            new[seen] = segment(seen, verdict.sound)
         still = judge(new, cameras, frames).doubtful
         for i in doubtful:
             fates[i] = DROPPED if i in still else REPAIRED

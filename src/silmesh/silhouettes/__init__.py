@@ -8,7 +8,8 @@ it is asked for. On disk a silhouette is what the report defines: RGBA, alpha 25
 the object, zero elsewhere.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ def _find_by_threshold(image: Image.Image, view: View, file: Path | None) -> np.
 SOURCES = {"mask": mask.find, "alpha": alpha.find, "threshold": _find_by_threshold}
 NETWORKS = ("deeplab", "matting")
 GREY = 124
+LOST = "lost.json"  # which silhouettes are empty because something could not be read, if any are
 FEWEST = 2  # views with a silhouette
 HINTS = {
     "mask": ", white in its mask",
@@ -59,17 +61,18 @@ def write_silhouettes(
         images: the folder of their working images
         masks: the views' mask files in the same order, or none
         settings: of the network, if the source is one
-        spare: write an empty silhouette where one cannot be used, as long as two can
+        spare: write an empty silhouette where one cannot be used, as long as two can; those of
+            which photograph or mask cannot be read are also named in ``lost.json``
         progress: is told how many views are done
 
     Returns:
         for each view that was spared, what is wrong with its silhouette
 
     Raises:
-        InputError: masks are lacking or differ in number from the views; a silhouette is empty or
-            fills its photograph
+        InputError: masks are lacking or differ in number from the views; a photograph or a mask
+            cannot be read; a silhouette is empty or fills its photograph
     """
-    refused = []
+    refused, lost = [], {}
     _refuse_other_count(source, views, masks)
     with replacing(folder) as part:
         part.mkdir()
@@ -77,13 +80,23 @@ def write_silhouettes(
         found = _find_each(source, views, images, files, settings)
         each = zip(views, files, found, strict=True)
         for done, (view, file, silhouette) in enumerate(each, start=1):
-            if wrong := _describe_wrong(silhouette, view, source, file):
+            if isinstance(silhouette, InputError):
+                wrong = str(silhouette)
+                what = "photograph" if view.unreadable else source
+                lost[view.view] = f"its {what} cannot be used"
+            else:
+                wrong = _describe_wrong(silhouette, view, source, file)
+            if wrong:
                 refused.append(wrong)
-                if not spare or len(views) - len(refused) < FEWEST:
+                if not spare:
+                    raise InputError(f"{wrong}. quality.policy 'drop' goes on without such a view")
+                if len(views) - len(refused) < FEWEST:
                     raise InputError("\n".join(refused))
-                silhouette = np.zeros_like(silhouette)
+                silhouette = np.zeros((view.size, view.size), bool)
             encode(silhouette).save(part / f"{view.view}.png")
             progress(done)
+        if lost:
+            (part / LOST).write_text(json.dumps(lost, indent=1) + "\n")
     return refused
 
 
@@ -93,21 +106,30 @@ def _find_each(
     images: Path,
     files: Sequence[Path | None],
     settings: Any,
-) -> Iterator[np.ndarray]:
-    """The silhouette of each view in turn."""
+) -> Iterator[np.ndarray | InputError]:
+    """The silhouette of each view in turn, or why there is none."""
+    readable = [view for view in views if not view.unreadable]
     if source == "deeplab":
         from silmesh.silhouettes import deeplab  # torch and torchvision take seconds to import
 
-        yield from deeplab.find_all(views, settings)
-        return
-    if source == "matting":
+        found = deeplab.find_all(readable, settings)
+    elif source == "matting":
         from silmesh.silhouettes import matting
 
-        yield from matting.find_all(views, settings)
-        return
-    for view, file in zip(views, files, strict=True):
-        with Image.open(images / f"{view.view}.png") as image:
-            yield SOURCES[source](image, view, file)
+        found = matting.find_all(readable, settings)
+    else:
+        pairs = zip(views, files, strict=True)
+        found = (_find(source, view, images, f) for view, f in pairs if not view.unreadable)
+    for view in views:
+        yield InputError(view.unreadable) if view.unreadable else next(found)
+
+
+def _find(source: str, view: View, images: Path, file: Path | None) -> np.ndarray | InputError:
+    with Image.open(images / f"{view.view}.png") as image:
+        try:
+            return SOURCES[source](image, view, file)
+        except InputError as error:
+            return error
 
 
 def _refuse_other_count(source: str, views: Sequence[View], masks: Sequence[Path]) -> None:
@@ -127,6 +149,12 @@ def encode(silhouette: np.ndarray) -> Image.Image:
 def read_silhouettes(folder: Path, views: Sequence[str]) -> np.ndarray:
     """The silhouettes of these views, [views, height, width] bool."""
     return np.stack([_decode(folder / f"{view}.png") for view in views])
+
+
+def read_lost(folder: Path) -> Mapping[str, str]:
+    """The views of which something could not be read, and what."""
+    file = folder / LOST
+    return json.loads(file.read_text()) if file.exists() else {}
 
 
 def _decode(path: Path) -> np.ndarray:

@@ -83,15 +83,28 @@ def build_network(model: str, classes: int) -> nn.Module:
     return network
 
 
-def silence_unseen_taps(network: nn.Module, size: int) -> None:
-    """Zero the taps that photographs of this size never reach, which would stay random.
+def narrow(network: nn.Module, size: int) -> dict[str, Tensor]:
+    """Leave only the middle taps of the convolutions whose others see padding alone at this size.
 
-    So the network takes a larger photograph as it has learnt to take small ones.
+    Returns:
+        the kernels as they were, by torchvision's names, for ``widen``
     """
-    for branch in _atrous_branches(network):
-        if branch[0].dilation[0] >= -(-size // STRIDE):
-            middle = branch[0].weight.data[:, :, 1:2, 1:2].clone()
-            branch[0].weight.data.zero_()[:, :, 1:2, 1:2] = middle
+    whole = {}
+    for number, branch in enumerate(_atrous_branches(network), start=1):
+        wide = branch[0]
+        if wide.dilation[0] >= -(-size // STRIDE):
+            branch[0] = nn.Conv2d(wide.in_channels, wide.out_channels, 1, bias=False)
+            branch[0].weight.data = wide.weight.data[:, :, 1:2, 1:2].clone()
+            whole[f"classifier.0.convs.{number}.0.weight"] = wide.weight.data
+    return whole
+
+
+def widen(state: Mapping[str, Tensor], whole: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Parameters of a narrowed network as those of a whole one, whose other taps are given."""
+    wide = {name: kernel.clone() for name, kernel in whole.items()}
+    for name, kernel in wide.items():
+        kernel[:, :, 1:2, 1:2] = state[name]
+    return {**state, **wide}
 
 
 def _atrous_branches(network: nn.Module) -> list[nn.Sequential]:

@@ -50,8 +50,13 @@ def main(argv: Sequence[str] | None = None) -> None:
         shown = [Image.open(given.scene / VIEWS / f"{cameras.views[i]}.png") for i in doubtful]
         return repair(shown, found, cameras, doubtful, sound, frames)
 
+    place = {view: i for i, view in enumerate(cameras.views)}
+    lost = {place[view]: why for view, why in told["lost"].items() if view in place}
+    unreadable = [place[view] for view in told["unreadable"] if view in place]
     with blaming(given.scene):
-        decision = decide(given.policy, given.fewest, found, cameras, segment, frames)
+        decision = decide(
+            given.policy, given.fewest, found, cameras, segment, frames, lost, unreadable
+        )
     world = _measure(cameras, similarity, told, decision, given.keep_world)
     told = _tell(told, cameras.views, decision)
     _write(given.output, given.scene, world, told, cameras.views, decision)

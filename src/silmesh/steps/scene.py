@@ -12,7 +12,7 @@ from silmesh.cameras.attempt import Attempt, read_attempt
 from silmesh.errors import InputError, blaming
 from silmesh.hull import find_doubtful
 from silmesh.scene import SILHOUETTES, VIEWS, write_scene
-from silmesh.silhouettes import read_silhouettes
+from silmesh.silhouettes import read_lost, read_silhouettes
 from silmesh.steps.command import parser, run
 from silmesh.views import read_views
 
@@ -47,6 +47,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         "doubtful": doubtful,
         "warnings": list(attempt.warnings),
         "figures": dict(attempt.figures),
+        "lost": read_lost(given.silhouettes),
+        "unreadable": [view.view for view in read_views(given.views) if view.unreadable],
         "frame": _around(frames.values()),
         "frames": frames,
         "attempts": [

@@ -14,9 +14,15 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--images", nargs="+", type=Path, required=True, help="files, or one .npy")
     args.add_argument("--size", type=int, required=True, help="of the working images, in pixels")
     args.add_argument("--resize", choices=["pad", "stretch"], required=True)
+    args.add_argument(
+        "--fewest", type=int, help="photographs that must be readable; all if not given"
+    )
     args.add_argument("--output", type=Path, required=True, help="folder to make")
     given = args.parse_args(argv)
-    write_views(given.images, given.size, given.resize, given.output)
+    views = write_views(given.images, given.size, given.resize, given.output, given.fewest)
+    for view in views:
+        if view.unreadable:
+            print(f"silmesh: {view.unreadable}; the view is dropped", file=sys.stderr)
     for image in given.images:
         if (frames := count_frames(image)) > 1:
             print(f"silmesh: {image}: has {frames} frames; the first is taken", file=sys.stderr)

@@ -20,8 +20,9 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from silmesh.files import replacing
-from silmesh.silhouettes.network import MEAN, STD, Weights, build_network, silence_unseen_taps
+from silmesh.silhouettes.network import MEAN, STD, Weights, build_network, narrow, widen
 from silmesh.training.composite import compose_random, compose_upright
+from silmesh.training.depthwise import hasten
 
 CLASSES = ("background", "object")
 WARM_UP = 0.15  # part of the steps in which the learning rate rises
@@ -98,10 +99,14 @@ class Training:
         self.settings = settings
         torch.manual_seed(settings.seed)
         network = build_network(settings.model, len(CLASSES))
-        if start is None:
-            silence_unseen_taps(network, settings.size)
-        else:
+        if start:
             _load_what_fits(network, start.state)
+        else:
+            _draw_anew(network)
+        self.whole = narrow(network, settings.size)
+        if not start:  # what is never seen shall not stay random: larger photographs would see it
+            self.whole = {name: torch.zeros_like(kernel) for name, kernel in self.whole.items()}
+        hasten(network)
         for part in network.modules():
             if isinstance(part, nn.BatchNorm2d):
                 part.momentum = MOMENTUM
@@ -109,8 +114,12 @@ class Training:
                 part.p = DROP_OUT
         self.network = network.to(memory_format=torch.channels_last)
         self.mean = deepcopy(self.network).eval()
+        parts = list(self.network.parameters())
+        kernels, others = ([p for p in parts if (p.ndim > 1) == many] for many in (True, False))
         self.optimiser = torch.optim.AdamW(
-            self.network.parameters(), weight_decay=DECAY, fused=True
+            [{"params": kernels}, {"params": others, "weight_decay": 0.0}],
+            weight_decay=DECAY,
+            fused=True,
         )
         self.rows: list[Epoch] = []
         self.best: dict[str, Tensor] = {}
@@ -130,7 +139,8 @@ class Training:
     @property
     def weights(self) -> Weights:
         """The best epoch's."""
-        return Weights(self.settings.model, CLASSES, MEAN, STD, self.settings.size, self.best)
+        state = widen(self.best, self.whole)
+        return Weights(self.settings.model, CLASSES, MEAN, STD, self.settings.size, state)
 
     def run_epoch(
         self, train: Material, tests: Material, after_step: Callable[[], None] = lambda: None
@@ -160,9 +170,10 @@ class Training:
             compose_random(train.cutouts[i], train.backgrounds, size, self._rng(i)) for i in chosen
         ]
         part = (epoch + done / steps) / self.settings.epochs
-        self.optimiser.param_groups[0]["lr"] = self.settings.learning_rate * _one_cycle(part)
+        for group in self.optimiser.param_groups:
+            group["lr"] = self.settings.learning_rate * _one_cycle(part)
         torch.manual_seed(int(self._rng(len(train.cutouts) + done).integers(2**32)))  # drop-out
-        loss, iou = self._step(*_stack(pairs), epoch * steps + done)
+        loss, iou = self.step(*_stack(pairs), epoch * steps + done)
         self.begun.steps += 1
         self.begun.loss += loss
         self.begun.iou += iou
@@ -179,7 +190,8 @@ class Training:
         if self.best_epoch == len(self.rows) - 1:
             self.best = {k: v.contiguous().clone() for k, v in self.mean.state_dict().items()}
 
-    def _step(self, images: Tensor, truth: Tensor, number: int) -> tuple[float, float]:
+    def step(self, images: Tensor, truth: Tensor, number: int) -> tuple[float, float]:
+        """The step of this number over all epochs: the loss and the IoU before it."""
         scores = self.network(images)["out"]
         loss = segmentation_loss(scores, truth)
         self.optimiser.zero_grad()
@@ -289,6 +301,19 @@ def _follow(mean: nn.Module, network: nn.Module, memory: float) -> None:
             old.lerp_(new, 1 - memory)
         else:
             old.copy_(new)
+
+
+def _draw_anew(network: nn.Module) -> None:
+    """Draw the depthwise kernels anew, and let the residual blocks begin as if they were not there.
+
+    torchvision draws each kernel as if its output summed over as many channels as the layer has: of
+    960 channels depthwise ones become so small that a step of Adam's changes them by a fifth.
+    """
+    for part in network.modules():
+        if isinstance(part, nn.Conv2d) and part.groups > 1:
+            nn.init.normal_(part.weight, std=math.sqrt(2) / part.kernel_size[0])
+        elif getattr(part, "use_res_connect", False):  # a block of MobileNetV3
+            nn.init.zeros_(part.block[-1][1].weight)  # of the batch normalisation
 
 
 def _load_what_fits(network: nn.Module, state: Mapping[str, Tensor]) -> None:
