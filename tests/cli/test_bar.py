@@ -71,7 +71,7 @@ def test_a_narrow_terminal_has_room_for_the_time(clock, monkeypatch):
     bar.begin("1", "making something of a long name")
     bar.close()
     drawn = [line.rstrip() for line in terminal.getvalue().split("\r")]
-    assert f"  0% |{' ' * 8}| about 8 s left: making…" in drawn
+    assert f"  0% |{' ' * 8}| about 4 s left: making…" in drawn
     assert max(map(len, drawn)) <= 40
 
 
