@@ -12,8 +12,8 @@ from silmesh.lock import hold
 from silmesh.plan import TRAINED, WEIGHTS, Plan
 from silmesh.provenance import code_digest as digest_code
 from silmesh.provenance import file_digest
-from silmesh.warm import start
 from silmesh.synthetic.layout import photograph_names
+from silmesh.warm import start
 
 min_version("9.10")
 

@@ -15,8 +15,9 @@ from pathlib import Path
 import numpy as np
 import torch
 import trimesh
+from ablation import default_settings
 
-from silmesh.cameras.camera import OBJECT_RADIUS, Cameras
+from silmesh.cameras.camera import Cameras
 from silmesh.cameras.turntable import orbit_cameras
 from silmesh.comparison import compare_to_truth
 from silmesh.config import FastFit
@@ -25,7 +26,6 @@ from silmesh.fitting.fast import Fast, Settings
 from silmesh.fitting.loop import run
 from silmesh.hull import carve
 from silmesh.meshes import to_tensors
-from silmesh.plan import SOFTNESS
 from silmesh.quality import measure_quality
 from silmesh.report.pictures import camera_of, trace
 from silmesh.shapes.first import Init, first_mesh
@@ -41,10 +41,7 @@ RESOLUTION = 256
 def read_truth(name: str) -> trimesh.Trimesh:
     """The true mesh, within the sphere that holds the object."""
     if name in OBJECTS:
-        mesh = make_object(name)
-        mesh.apply_translation(-mesh.bounds.mean(axis=0))
-        mesh.apply_scale(OBJECT_RADIUS / np.linalg.norm(mesh.vertices, axis=1).max())
-        return mesh
+        return stand_upright(make_object(name))
     path, _, up = name.partition(":")
     return stand_upright(read_scan(Path(path)), int(up or 1))
 
@@ -66,9 +63,7 @@ def cast(mesh: trimesh.Trimesh, cameras: Cameras) -> np.ndarray:
 
 def fit(seen: np.ndarray, cameras: Cameras, size: int) -> tuple[trimesh.Trimesh, dict]:
     """The preset with its defaults, from the hull."""
-    defaults = FastFit()
-    told = {name: getattr(defaults, name, None) for name in Settings.__dataclass_fields__}
-    told |= defaults.weights.model_dump() | {"sigma": (2 * SOFTNESS / size) ** 2}
+    told = default_settings(FastFit(), Settings, size)
     start = time.perf_counter()
     first = first_mesh(Init("hull"), seen, cameras).mesh
     made = time.perf_counter()
