@@ -99,16 +99,19 @@ def test_batches_share_the_views_evenly_and_each_round_sees_all(views, batch):
 
 def test_a_step_halves_when_a_round_is_no_better_and_the_level_ends():
     fit = Fast(*to_tensors(unit_sphere(162)), *scene(), TOLD)
-    rounds = 1 + fast.HALVINGS  # the first is the best; each further one halves
-    for _ in range(rounds * fit._round):
-        assert fit._level == 0
-        fit._count_round(0.5)
-    assert fit._level == 0
-    assert fit._slowed == fast.HALVINGS
-    for _ in range(fit._round):
-        fit._count_round(0.5 * (1 - fast.LEVELLED / 2))
-    assert (fit._level, fit._slowed) == (1, 0)
-    assert not fit.done
+    levels = len(fit._levels)
+    assert levels > 1
+    for level in range(levels):
+        halvings = fast.HALVINGS if level == levels - 1 else fast.COARSE_HALVINGS
+        for rounds in range(halvings):  # the first is the best; each further one halves
+            for _ in range(fit._round):
+                fit._count_round(0.5)
+            assert (fit._level, fit._slowed) == (level, rounds)
+        assert not fit.done
+        for _ in range(fit._round):
+            fit._count_round(0.5 * (1 - fast.LEVELLED / 2))
+        assert (fit._level, fit._slowed) == (level + 1, 0)
+    assert fit.done
 
 
 def test_falling_losses_do_not_halve():

