@@ -21,7 +21,7 @@ def rotations(cameras):
 
 def test_no_correction_leaves_the_cameras_as_they_are():
     cameras = turntable(5, 32, 10)
-    corrected = Refinement(cameras)(Refinement(cameras).start())
+    corrected = Refinement(cameras)(Refinement(cameras).start(), range(5))
     for name in ("K", "R", "t"):
         np.testing.assert_allclose(getattr(corrected, name), getattr(cameras, name), atol=1e-12)
 
@@ -31,7 +31,7 @@ def test_gradients_are_those_of_finite_differences(cameras):
     refinement = Refinement(cameras)
     at = randomly(refinement).requires_grad_()
     assert torch.autograd.gradcheck(
-        lambda p: refinement(p).project(POINTS).sum(dim=(1, 2)) + refinement.prior(p), at
+        lambda p: refinement(p, [4, 1]).project(POINTS).sum(dim=(1, 2)) + refinement.prior(p), at
     )
 
 
@@ -41,7 +41,7 @@ def test_the_whole_does_not_drift(cameras):
     refinement = Refinement(cameras)
     parameters = randomly(refinement, 0.01)
     parameters[6] = 0  # the lens, which takes its distance along
-    corrected = refinement(parameters)
+    corrected = refinement(parameters, range(len(cameras)))
     turn = corrected.R @ cameras.R.mT - torch.eye(3)  # [w]x to first order
     w = torch.stack([turn[:, 2, 1], turn[:, 0, 2], turn[:, 1, 0]], dim=1)
     sd = torch.tensor(OWN_SD, dtype=torch.float64)
@@ -84,8 +84,10 @@ def test_views_that_are_not_fitted_have_the_shared_corrections():
     refinement = Refinement(every.select(fitted))
     parameters = randomly(refinement)
     corrected = refinement.all_of(parameters, every, fitted)
-    np.testing.assert_allclose(corrected.select(fitted).R, refinement(parameters).R, atol=1e-12)
-    np.testing.assert_allclose(corrected.K[2], refinement(parameters).K[0], atol=1e-12)
+    some = refinement(parameters, [3, 1])  # of those that are fitted
+    np.testing.assert_allclose(corrected.select([4, 1]).R, some.R, atol=1e-12)
+    np.testing.assert_allclose(corrected.select([4, 1]).t, some.t, atol=1e-12)
+    np.testing.assert_allclose(corrected.K[2], some.K[0], atol=1e-12)
     np.testing.assert_allclose(rotations(corrected), np.tile(np.eye(3), (6, 1, 1)), atol=1e-12)
     alone = parameters.clone()
     alone[7:] = 0
@@ -98,7 +100,7 @@ def test_a_lens_is_shared_and_keeps_the_objects_size():
     cameras = turntable(3, 32)
     parameters = Refinement(cameras).start()
     parameters[6] = 1.0  # a standard deviation: exp(0.1)
-    dollied = Refinement(cameras)(parameters)
+    dollied = Refinement(cameras)(parameters, range(3))
     K = dollied.K
     np.testing.assert_allclose(K[:, 0, 0], cameras.K[:, 0, 0] * np.exp(0.1))
     np.testing.assert_allclose(K[:, :2, 2], cameras.K[:, :2, 2])

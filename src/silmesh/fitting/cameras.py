@@ -16,6 +16,7 @@ directions are taken out of the corrections, and the shared ones out of the view
 does not drift, and the shared correction is right for a view that is not fitted.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import torch
@@ -56,11 +57,11 @@ class Refinement:
         own = parameters[7:] - self._taken @ (self._taken.mT @ parameters[7:])
         return shared, own.reshape(-1, 6)
 
-    def __call__(self, parameters: Tensor) -> Cameras:
-        """The corrected cameras; differentiable."""
+    def __call__(self, parameters: Tensor, index: Sequence[int]) -> Cameras:
+        """The corrected cameras at these positions; differentiable."""
         shared, own = self.corrections(parameters)
-        shared = shared * self._shared_sd
-        return _correct(self.cameras, own * self._own_sd + shared[:6], shared[6])
+        shared, own = shared * self._shared_sd, own[list(index)] * self._own_sd
+        return _correct(self.cameras.select(index), own + shared[:6], shared[6])
 
     def all_of(self, parameters: Tensor, cameras: Cameras, fitted: list[int]) -> Cameras:
         """The cameras of all views, of which these are fitted; the others are corrected as all."""

@@ -126,7 +126,7 @@ class Fast:
         """A step on a batch of views."""
         told, level = self._told, self._levels[self._level]
         index, verts = self._choose(), self._smooth(self._u)
-        cameras = level.see(self._cameras()).select(index)
+        cameras = level.see(self._cameras(index))
         seen = level.silhouettes[index]
         alpha = soft_silhouettes(
             cameras.project(verts), self.faces, tuple(seen.shape[1:]), sigma=level.sigma
@@ -144,8 +144,10 @@ class Fast:
             self._untangle()
         return losses
 
-    def _cameras(self) -> Cameras:
-        return self._refinement(self._corrections) if self._near else self._refinement.cameras
+    def _cameras(self, index: list[int]) -> Cameras:
+        if self._near:
+            return self._refinement(self._corrections, index)
+        return self._refinement.cameras.select(index)
 
     def _choose(self) -> list[int]:
         """The views of this step: every n-th, in an order of the rounds' own."""

@@ -19,12 +19,27 @@ def iou_loss(alpha: Tensor, silhouettes: Tensor, weights: Tensor | None = None) 
         weights: [views] how much each view counts in the mean; all the same if not given
     """
     p, t = alpha.flatten(1), silhouettes.flatten(1)
-    both = torch.linalg.vecdot(p, t)
-    either = p.sum(1) + t.sum(1) - both
+    both, rendered = _Sums.apply(p, t)
+    either = rendered + t.sum(1) - both
     iou = both / (either + EPS)
     if weights is None:
         return 1 - iou.mean()
     return 1 - torch.linalg.vecdot(weights, iou) / (weights.sum() + EPS)
+
+
+class _Sums(torch.autograd.Function):
+    """sum(p t) and sum(p) of each row, whose gradient takes no more memory than p."""
+
+    @staticmethod
+    def forward(ctx, p, t):
+        ctx.save_for_backward(t)
+        return torch.linalg.vecdot(p, t), p.sum(1)
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, both, rendered):
+        (t,) = ctx.saved_tensors
+        return t.mul(both.unsqueeze(1)).add_(rendered.unsqueeze(1)), None
 
 
 class Laplacian:
@@ -66,20 +81,21 @@ class Flatten:
     """
 
     def __init__(self, faces: Tensor):
-        self._corners = edge_diamonds(faces).unbind(1)
+        self._corners = edge_diamonds(faces).T.flatten()
 
     def __call__(self, verts: Tensor) -> Tensor:
         """The loss of vertices [verts, 3]."""
-        a, b, c, d = (verts.index_select(0, i) for i in self._corners)
-        (across_c, length_c), (across_d, length_d) = _across(b - a, c - a), _across(b - a, d - a)
-        cos = torch.linalg.vecdot(across_c, across_d) / (length_c * length_d + EPS)
+        corners = verts.index_select(0, self._corners).reshape(4, -1, 3)
+        (a, b), opposite = corners[:2], corners[2:]
+        across, length = _across(b - a, opposite - a)
+        cos = torch.linalg.vecdot(*across) / (length[0] * length[1] + EPS)
         return (cos + 1).square().sum()
 
 
 def _across(along: Tensor, side: Tensor) -> tuple[Tensor, Tensor]:
-    """The part of ``side`` at right angles to ``along``, [edges, 3], and its length, [edges].
+    """The part of each ``side`` [2, edges, 3] at right angles to ``along`` [edges, 3].
 
-    The length is |side| sin(angle) with SoftRas's small terms, which keep the gradient of a
+    Its length, [2, edges], comes second: |side| sin(angle) with SoftRas's small terms, which keep the gradient of a
     collapsed triangle finite.
     """
     dot = torch.linalg.vecdot(along, side)
