@@ -95,8 +95,8 @@ class Flatten:
 def _across(along: Tensor, side: Tensor) -> tuple[Tensor, Tensor]:
     """The part of each ``side`` [2, edges, 3] at right angles to ``along`` [edges, 3].
 
-    Its length, [2, edges], comes second: |side| sin(angle) with SoftRas's small terms, which keep the gradient of a
-    collapsed triangle finite.
+    Its length, [2, edges], comes second: |side| sin(angle) with SoftRas's small terms, which keep
+    the gradient of a collapsed triangle finite.
     """
     dot = torch.linalg.vecdot(along, side)
     along2, side2 = along.square().sum(-1), side.square().sum(-1)
