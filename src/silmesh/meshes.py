@@ -11,6 +11,8 @@ from torch import Tensor
 from silmesh.errors import InputError
 from silmesh.files import replacing
 
+UNIT = 2.0  # what a first mesh is larger than what is fitted, as the report's templates are
+
 
 def read_mesh(path: Path) -> trimesh.Trimesh:
     """Read a mesh as it is, its vertices neither merged nor reordered.

@@ -23,6 +23,7 @@ from silmesh.fitting.losses import Flatten, Laplacian, iou_loss
 from silmesh.fitting.place import place
 from silmesh.fitting.smooth import Smooth, UniformAdam
 from silmesh.fitting.untangle import untangle
+from silmesh.meshes import UNIT
 from silmesh.remesh import even_length, remesh
 from silmesh.softras import soft_silhouettes
 
@@ -102,7 +103,7 @@ class Fast:
         self._adam = Adam([self._corrections], CAMERA_BETAS)
         self._count = len(faces)
         self._steps, self.halvings, self._near = 0, 0, False
-        self._take_mesh(place(template * 0.5, cameras, silhouettes.cpu()), faces)
+        self._take_mesh(place(template / UNIT, cameras, silhouettes.cpu()), faces)
         self._enter(0)
         self._even_out()
 

@@ -11,12 +11,12 @@ import torch
 import trimesh
 
 from silmesh.cameras.camera import Cameras, Similarity
+from silmesh.meshes import UNIT
 from silmesh.report.outlines import outline_path
 from silmesh.report.packing import encode_glb, pack
 from silmesh.report.rings import frusta_of, look_ahead
 from silmesh.softras.batches import render_views
 
-HALF = 0.5  # by which the fit makes a first mesh smaller
 DIGITS = 3  # of the cameras' places, in units of the normalised world
 
 
@@ -46,7 +46,7 @@ def describe_exhibit(
     frusta, up = frusta_of(cameras.in_world_of(similarity)), cameras.up.numpy()
     return {
         "fitted": pack(encode_glb(place, mesh.faces, colours)),
-        "first": pack(encode_glb(HALF * np.asarray(first.vertices), first.faces)),
+        "first": pack(encode_glb(np.asarray(first.vertices) / UNIT, first.faces)),
         "outlines": dict(zip(cameras.views, _outlines(mesh, cameras, sigma), strict=True)),
         "up": up.tolist(),
         "ahead": look_ahead(cameras, up).tolist(),

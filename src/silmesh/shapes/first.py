@@ -10,6 +10,7 @@ import trimesh
 from silmesh.cameras.camera import Cameras
 from silmesh.errors import InputError
 from silmesh.hull import is_cut
+from silmesh.meshes import UNIT
 from silmesh.progress import Share, untold
 from silmesh.shapes.carved import Carved, EmptyHull, hull_mesh, prism_mesh
 from silmesh.shapes.choose import VERTICES, Score, Trial, score_meshes, share
@@ -26,7 +27,6 @@ SHAPES = ("sphere", *PLACED, "auto")
 FALLBACK = "ellipsoid"
 LOST = 0.001  # of a carved body's volume in other pieces, from which on a person is told
 NAMED = 5  # views that a warning names
-UNIT = 2.0  # the fit halves a first mesh, so one in the world is written twice as large
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from tempfile import TemporaryDirectory
 
 import torch
 
+from silmesh.agreement import COHERENT
 from silmesh.cameras.attempt import Attempt, read_attempt, write_attempt
 from silmesh.cameras.features import keep_inside
 from silmesh.cameras.mapping import MAPPERS, map_views
@@ -18,7 +19,6 @@ from silmesh.steps.colmap import judge
 from silmesh.steps.command import parser, run
 from silmesh.views import read_views
 
-COHERENT = 0.9  # hull IoU from which cameras that were found without masks are good enough
 SOURCE = "colmap, masked"
 MATCHED = 0.6  # share of the time, by which the photographs are matched
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import torch
 
-from silmesh.agreement import Placed, choose, find_shown, place, refused_or
+from silmesh.agreement import COHERENT, Placed, choose, find_shown, place, refused_or
 from silmesh.cameras.attempt import Attempt, read_attempt
 from silmesh.errors import InputError, blaming
 from silmesh.hull import find_doubtful
@@ -16,7 +16,6 @@ from silmesh.silhouettes import read_lost, read_silhouettes
 from silmesh.steps.command import parser, run
 from silmesh.views import read_views
 
-COHERENT = 0.9  # below this hull IoU the views that lower it most are named
 DOUBTFUL = 0.5  # below this hull IoU a person is told before the fit, not only on the page
 
 
