@@ -8,12 +8,13 @@ FOLDER/tests.tsv, the table of those that are left out, and FOLDER/train.yaml, w
     bin/run train --configfile FOLDER/train.yaml
 
 trains. Beside the six made-up objects and the scans there are random solids: a few ellipsoids,
-rods, rings, boxes and turned bodies, united or cut out of each other, in random colours. A sixth of
+rods, rings, boxes and turned bodies, united or cut out of each other. They are painted as things
+are: many pale or grey, parts each in a colour of its own, with bands, stripes, spots. A sixth of
 the solids and the tube say which epoch is kept.
 """
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -67,7 +68,7 @@ def main() -> None:
     holdout = ["tube", *[f"solid{i:03d}" for i in range(given.solids * 5 // 6, given.solids)]]
     (given.folder / "train.yaml").write_text(
         f"datasets: {given.folder}/objects.tsv\n"
-        "train: {epochs: 20, patience: 20, batch: 8, "
+        "train: {epochs: 38, patience: 38, "
         f"holdout: [{', '.join(holdout)}]}}\n"
         "variants: {learnt: {silhouettes: deeplab, deeplab: {weights: results/train/weights.pt}}}\n"
     )
@@ -139,8 +140,10 @@ def random_solid(rng: np.random.Generator) -> Solid:
 
     mesh = mesh_solid(distance, (-0.62,) * 3, (0.62,) * 3, 0.02)
     mesh = max(mesh.split(only_watertight=False), key=lambda part: len(part.faces))
-    mesh.apply_scale(0.46 / np.abs(mesh.vertices).max())
-    return mesh, random_paint(rng)
+    scale = 0.46 / np.abs(mesh.vertices).max()
+    mesh.apply_scale(scale)
+    paint = random_paint(parts if rng.random() < 0.6 else parts[:1], rng)
+    return mesh, lambda points: paint(points / scale)
 
 
 def random_part(rng: np.random.Generator, scale: float = 1.0) -> Callable:
@@ -170,18 +173,20 @@ def random_part(rng: np.random.Generator, scale: float = 1.0) -> Callable:
     return kinds[rng.integers(len(kinds))]
 
 
-def random_paint(rng: np.random.Generator) -> Callable:
-    """Mottled, striped or plain, in two to four colours."""
-    colours = rng.random((4, 3)).astype("f4") ** rng.uniform(0.5, 1.5)
+def random_paint(parts: Sequence[Callable], rng: np.random.Generator) -> Callable:
+    """Plain, mottled, striped, banded, in up to three colours for the parts and four more."""
+    bases, colours = random_colours(3, rng), random_colours(4, rng)
     grains, seeds = rng.uniform(0.01, 0.25, 2), rng.integers(0, 8, 2)
     way, period = rng.normal(size=3).astype("f4"), rng.uniform(0.05, 0.5)
     edge, shine = rng.uniform(-0.6, 0.6, 2), rng.uniform(0, 0.9)
-    striped, mottled, second = rng.random(3) < (0.4, 0.6, 0.5)
+    striped, mottled, second = rng.random(3) < (0.25, 0.4, 0.4)
+    bands = rng.uniform((-0.4, 0.005), (0.4, 0.08), (rng.integers(5) * (rng.random() < 0.6), 2))
+    blur = rng.choice([0.02, 0.3, 1.5])
     way /= np.linalg.norm(way)
 
     def paint(points: np.ndarray) -> np.ndarray:
         points = points.astype(np.float32)
-        colour = np.broadcast_to(colours[0], points.shape)
+        colour = bases[np.argmin([part(points) for part in parts], axis=0) % len(bases)]
         if mottled:
             spots = speckle(points, grains[0], int(seeds[0]))
             colour = mix(colour, colours[1], step(edge[0], spots, blur))
@@ -190,12 +195,22 @@ def random_paint(rng: np.random.Generator) -> Callable:
             cover(
                 skin, step(edge[1], np.sin(points @ way * (6.28 / period)), 0.2), colours[2], shine
             )
+        for i, (height, width) in enumerate(bands):
+            inside = width - np.abs(points[:, 1] - height)
+            cover(skin, step(0.0, inside, 0.005), colours[2 * (i % 2)], shine)
         if second:
             cover(skin, step(0.5, speckle(points, grains[1], int(seeds[1])), 0.05), colours[3], 0.1)
         return skin.astype(np.float32)
 
-    blur = rng.choice([0.02, 0.3, 1.5])
     return paint
+
+
+def random_colours(count: int, rng: np.random.Generator) -> np.ndarray:
+    """Half of them pale, grey or dark, half of any hue: [count, 3]."""
+    grey = rng.random((count, 1)) ** 0.5
+    any_hue = rng.random((count, 3)) ** rng.uniform(0.5, 1.5)
+    tint = np.where(rng.random((count, 1)) < 0.5, rng.uniform(0, 0.25, (count, 1)), 1)
+    return (grey + tint * (any_hue - grey)).astype("f4")
 
 
 if __name__ == "__main__":

@@ -218,7 +218,10 @@ class Train(_Section):
     )
     batch: _whole(2, 1024) = Field(16, description="composites a step")
     size: _whole(32, 1024) = Field(192, description="side of the composites, in pixels")
-    learning_rate: Positive = Field(0.002, description="the highest of a rise and a fall")
+    learning_rate: Positive = Field(
+        0.008,
+        description="the highest of a rise and a fall; a tenth of it for weights that have learnt",
+    )
     seed: _whole(0, 2**32 - 1) = Field(0, description="of all random choices")
 
 

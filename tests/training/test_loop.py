@@ -61,7 +61,7 @@ def test_the_rate_rises_and_falls():
 def test_the_first_epochs_look_at_smaller_photographs():
     settings = Settings("mobilenet_v3_large", 10, 5, 2, 192, 1e-3, 0)
     sizes = [_size_at(epoch, settings) for epoch in range(10)]
-    assert sizes == [96] * 4 + [128] * 3 + [192] * 3
+    assert sizes == [96] * 5 + [128] * 3 + [192] * 2
 
 
 def test_random_depthwise_kernels_keep_what_they_are_given_in_size():

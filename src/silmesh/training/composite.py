@@ -14,12 +14,13 @@ from torch.nn import functional
 from silmesh.training.backgrounds import crop_background
 
 Rng = np.random.Generator
+PLAIN = 0.5  # of what is trained on: objects as they are, which are learnt sooner
 
 
 def compose_random(
     cutout: Tensor, backgrounds: Sequence[Sequence[Tensor]], size: int, rng: Rng
 ) -> tuple[Tensor, Tensor]:
-    """A photograph to train on: everything about it is drawn at random.
+    """A photograph to train on: one as those of the tests, or everything about it drawn at random.
 
     Args:
         cutout: [4, height, width] uint8, colour and coverage
@@ -28,6 +29,8 @@ def compose_random(
     Returns:
         [3, size, size] float in 0..1, and [size, size] int64, 1 on the object
     """
+    if rng.random() < PLAIN:
+        return compose_upright(cutout, _draw_background(backgrounds, rng), size, rng)
     behind = _draw_behind(backgrounds, size, rng)
     if rng.random() < 0.25:  # a table before a wall
         below = _draw_behind(backgrounds, size, rng)
@@ -48,8 +51,12 @@ def compose_random(
 
 def _draw_behind(backgrounds: Sequence[Sequence[Tensor]], size: int, rng: Rng) -> Tensor:
     """A part of one of the backgrounds, in other colours."""
+    return _recolour(crop_background(_draw_background(backgrounds, rng), size, rng), rng)
+
+
+def _draw_background(backgrounds: Sequence[Sequence[Tensor]], rng: Rng) -> Tensor:
     kind = backgrounds[rng.integers(len(backgrounds))]
-    return _recolour(crop_background(kind[rng.integers(len(kind))], size, rng), rng)
+    return kind[rng.integers(len(kind))]
 
 
 def _draw_half(size: int, rng: Rng) -> Tensor:
@@ -63,11 +70,11 @@ def _draw_half(size: int, rng: Rng) -> Tensor:
 def compose_upright(
     cutout: Tensor, background: Tensor, size: int, rng: Rng
 ) -> tuple[Tensor, Tensor]:
-    """A photograph to test on: the object as it is, upright, 0.5 to 0.85 of the picture large."""
+    """The object as it is, upright, 0.5 to 0.85 of the picture large: what is tested on."""
     longer, shift = rng.uniform(0.5, 0.85), rng.uniform(-0.07, 0.07, 2)
     colour, coverage = place(cutout, size, longer, 0.0, (1.0, 1.0), tuple(shift))
     image = lay_over(colour, coverage, crop_background(background, size, rng))
-    return image, (coverage > 0.5).long()
+    return image.clamp(0, 1), (coverage > 0.5).long()
 
 
 def lay_over(colour: Tensor, coverage: Tensor, behind: Tensor) -> Tensor:

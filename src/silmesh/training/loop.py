@@ -35,7 +35,7 @@ DROP_OUT = 0.1  # torchvision's 0.5 is against learning by heart; no composite c
 TESTS = 64  # composites that each epoch is tested on
 # Parts of the epochs, and of the size, in which they look at photographs: small ones teach most in
 # a second, but only large ones how an edge runs.
-STAGES = ((0.4, 1 / 2), (0.7, 2 / 3), (1.0, 1.0))
+STAGES = ((0.5, 1 / 2), (0.8, 2 / 3), (1.0, 1.0))
 
 
 @dataclass(frozen=True)
