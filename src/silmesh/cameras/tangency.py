@@ -14,6 +14,7 @@ distance at one depth in one view, so its derivatives are that distance's, with 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -48,6 +49,11 @@ class Outlines:
     cut: np.ndarray
     points: np.ndarray
     known: np.ndarray
+
+    @cached_property
+    def far(self) -> float:
+        """The distance, in pixels, that stands for all that is further outside."""
+        return -float(self.distances.min())
 
     def select(self, views: Sequence[int], every: int = 1) -> "Outlines":
         """Only these views, and every so many-th of their points."""
@@ -154,8 +160,7 @@ def find_misses(outlines: Outlines, pose: Pose, radius: float) -> Misses:
     pixels, depth = np.zeros((2, views, samples))
     view = np.full((views, samples), -1)
     order = _spread_turns(views)
-    far = -outlines.distances.min()
-    threads = torch.get_num_threads()
+    far, threads = outlines.far, torch.get_num_threads()
 
     def follow(part: np.ndarray) -> None:
         _follow(part, outlines.distances, outlines.cut, far, outlines.known, pose.P, pose.centres,
@@ -181,8 +186,7 @@ def measure_at(outlines: Outlines, misses: Misses, rays: Pose, seen: Pose) -> np
         seen: places the views that they miss
     """
     at = np.zeros_like(misses.pixels)
-    far = -outlines.distances.min()
-    _measure(outlines.distances, far, seen.P, rays.centres, rays.rays, rays.middle,
+    _measure(outlines.distances, outlines.far, seen.P, rays.centres, rays.rays, rays.middle,
              misses.depth, misses.view, at)  # fmt: skip
     return at
 
