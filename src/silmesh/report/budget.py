@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-PHOTOGRAPHS = 1_300_000  # bytes of the page, for the photographs and outlines of all objects
+PHOTOGRAPHS = 1_250_000  # bytes of the page, for the photographs and outlines of all objects
 FEWEST = 4  # views of an object that are shown in any case
 PACKED = 0.65  # what is left of an outline's letters in the page
 
