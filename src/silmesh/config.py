@@ -220,7 +220,8 @@ class Train(_Section):
     size: _whole(32, 1024) = Field(192, description="side of the composites, in pixels")
     learning_rate: Positive = Field(
         0.008,
-        description="the highest of a rise and a fall; a tenth of it for weights that have learnt",
+        description="the highest of a rise and a fall; 0.008 suits random weights, a tenth of "
+        "it those that have learnt before",
     )
     seed: _whole(0, 2**32 - 1) = Field(0, description="of all random choices")
 

@@ -11,7 +11,7 @@ from torch import Tensor
 from silmesh.errors import InputError
 from silmesh.files import replacing
 
-UNIT = 2.0  # what a first mesh is larger than what is fitted, as the report's templates are
+FIRST_SCALE = 2.0  # a first mesh is kept this many times as large as it is fitted, as the report's
 
 
 def read_mesh(path: Path) -> trimesh.Trimesh:

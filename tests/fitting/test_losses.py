@@ -97,6 +97,8 @@ def test_gradients_are_those_of_finite_differences():
     alpha = torch.rand(2, 3, 4, dtype=torch.float64, requires_grad=True)
     truth = (torch.rand(2, 3, 4) > 0.5).double()
     assert torch.autograd.gradcheck(lambda a: iou_loss(a, truth), alpha)
+    weights = torch.tensor([0.3, 1.0], dtype=torch.float64)
+    assert torch.autograd.gradcheck(lambda a: iou_loss(a, truth, weights), alpha)
 
 
 def test_collapsed_triangles_keep_gradients_finite():

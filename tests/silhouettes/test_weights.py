@@ -103,6 +103,7 @@ def registry(tmp_path, monkeypatch):
         server.folder.mkdir()
         address = f"http://127.0.0.1:{server.server_port}"
         monkeypatch.setenv("PATH", "")
+        monkeypatch.setenv("no_proxy", "127.0.0.1")
         monkeypatch.setenv("npm_config_registry", address)
         archive = package(server.folder / "p.tgz", {0: WHOLE[:500], 500: WHOLE[500:]})
         digest = base64.b64encode(hashlib.sha512(archive.read_bytes()).digest()).decode()

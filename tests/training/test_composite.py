@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from silmesh.training import composite
 from silmesh.training.composite import (
     blur,
     compose_random,
@@ -69,7 +70,9 @@ def test_blur_spreads_and_keeps_the_sum():
     torch.testing.assert_close(blurred[1], blurred[0].T)
 
 
-def test_the_same_number_gives_the_same_composite():
+@pytest.mark.parametrize("upright", [0, 1])
+def test_the_same_number_gives_the_same_composite(upright, monkeypatch):
+    monkeypatch.setattr(composite, "UPRIGHT", upright)
     backgrounds = [[torch.full((3, 50, 60), 90, dtype=torch.uint8)]]
     pairs = [compose_random(CUTOUT, backgrounds, 48, np.random.default_rng(s)) for s in (3, 3, 4)]
     assert torch.equal(pairs[0][0], pairs[1][0])

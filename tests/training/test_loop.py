@@ -7,6 +7,7 @@ import torch
 from silmesh.silhouettes.network import load_weights, write_weights
 from silmesh.training.cutouts import cut_out
 from silmesh.training.loop import (
+    Epoch,
     Material,
     Settings,
     Training,
@@ -62,6 +63,15 @@ def test_the_first_epochs_look_at_smaller_photographs():
     settings = Settings("mobilenet_v3_large", 10, 5, 2, 192, 1e-3, 0)
     sizes = [_size_at(epoch, settings) for epoch in range(10)]
     assert sizes == [96] * 5 + [128] * 3 + [192] * 2
+
+
+def test_patience_counts_from_the_first_epoch_of_full_size():
+    training = Training(Settings("mobilenet_v3_large", 20, 1, 2, 192, 1e-3, 0), None)
+    falling = [Epoch(e, 1.0, 0.5, 1.0, 0.5 - 0.01 * e, 1e-3, 1.0) for e in range(18)]
+    training.rows = falling[:17]  # of full size is the last alone
+    assert not training.done
+    training.rows = falling
+    assert training.done
 
 
 def test_random_depthwise_kernels_keep_what_they_are_given_in_size():

@@ -14,7 +14,6 @@ distance at one depth in one view, so its derivatives are that distance's, with 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 import torch
@@ -43,17 +42,14 @@ class Outlines:
         cut: [views] bool, whether the frame cuts the silhouette, so that what is beyond is unknown
         points: [views, samples, 2] pixels x, y, spread evenly along each outline
         known: [views, samples] bool, whether the outline there is the object's and not the frame's
+        far: pixels, the distance that stands for all that is further away
     """
 
     distances: np.ndarray
     cut: np.ndarray
     points: np.ndarray
     known: np.ndarray
-
-    @cached_property
-    def far(self) -> float:
-        """The distance, in pixels, that stands for all that is further outside."""
-        return -float(self.distances.min())
+    far: float
 
     def select(self, views: Sequence[int], every: int = 1) -> "Outlines":
         """Only these views, and every so many-th of their points."""
@@ -62,6 +58,7 @@ class Outlines:
             self.cut[views],
             self.points[views][:, ::every],
             self.known[views][:, ::every],
+            self.far,
         )
 
 
@@ -85,7 +82,7 @@ def trace(silhouettes: np.ndarray, samples: int, views: Sequence[str]) -> Outlin
     side = np.array(silhouettes.shape[:0:-1])  # width, height
     known = ((points > EDGE) & (points < side - EDGE)).all(axis=2)
     cut = np.array([s[[0, -1]].any() or s[:, [0, -1]].any() for s in silhouettes])
-    return Outlines(distances, cut, points, known)
+    return Outlines(distances, cut, points, known, far)
 
 
 def _measure_distance(silhouette: np.ndarray, far: float) -> np.ndarray:

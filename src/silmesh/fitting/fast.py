@@ -23,7 +23,7 @@ from silmesh.fitting.losses import Flatten, Laplacian, iou_loss
 from silmesh.fitting.place import place
 from silmesh.fitting.smooth import Smooth, UniformAdam
 from silmesh.fitting.untangle import untangle
-from silmesh.meshes import UNIT
+from silmesh.meshes import FIRST_SCALE
 from silmesh.remesh import even_length, remesh
 from silmesh.softras import soft_silhouettes
 
@@ -32,7 +32,7 @@ CAMERA_STEP = 0.1  # of Adam's first steps, in the prior's standard deviations
 CAMERA_BETAS = (0.9, 0.99)
 NEAR = 0.25  # loss of a round from which on the mesh tells something about the cameras
 LEVELLED = 0.01  # a round that lowers the loss by a smaller share than this halves the steps
-HALVINGS = 5  # of the steps, after which the finest level is done
+HALVINGS = 5  # of the steps: with the last the finest level is done
 COARSE_HALVINGS = 3  # the same of the others, which the finer ones improve on
 ROUND = 6  # steps of a round at least
 STRETCHED = 0.35  # standard deviation of the edges' lengths over their mean that asks for new edges
@@ -103,7 +103,7 @@ class Fast:
         self._adam = Adam([self._corrections], CAMERA_BETAS)
         self._count = len(faces)
         self._steps, self.halvings, self._near = 0, 0, False
-        self._take_mesh(place(template / UNIT, cameras, silhouettes.cpu()), faces)
+        self._take_mesh(place(template / FIRST_SCALE, cameras, silhouettes.cpu()), faces)
         self._enter(0)
         self._even_out()
 
@@ -181,7 +181,7 @@ class Fast:
         self._best = min(mean, self._best)
         self._near |= self._told.refine_cameras and mean < NEAR
         finest = self._level == len(self._levels) - 1
-        if self._slowed == (HALVINGS if finest else COARSE_HALVINGS):
+        if self._slowed >= (HALVINGS if finest else COARSE_HALVINGS):
             self._enter(self._level + 1)
         self._even_out()
 

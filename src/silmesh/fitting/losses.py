@@ -15,7 +15,7 @@ def iou_loss(alpha: Tensor, silhouettes: Tensor, weights: Tensor | None = None) 
 
     Args:
         alpha: [views, height, width], rendered
-        silhouettes: [views, height, width], 0 to 1
+        silhouettes: [views, height, width], 0 to 1; no gradient reaches them
         weights: [views] how much each view counts in the mean; all the same if not given
     """
     p, t = alpha.flatten(1), silhouettes.flatten(1)
@@ -28,7 +28,7 @@ def iou_loss(alpha: Tensor, silhouettes: Tensor, weights: Tensor | None = None) 
 
 
 class _Sums(torch.autograd.Function):
-    """sum(p t) and sum(p) of each row, whose gradient takes no more memory than p."""
+    """sum(p t) and sum(p) of each row, with a gradient for p alone, written into one buffer."""
 
     @staticmethod
     def forward(ctx, p, t):

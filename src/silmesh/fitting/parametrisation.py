@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from silmesh.errors import InputError
-from silmesh.meshes import UNIT
+from silmesh.meshes import FIRST_SCALE
 
 
 class OctantSigmoid(nn.Module):
@@ -25,7 +25,7 @@ class OctantSigmoid(nn.Module):
 
     def __init__(self, template: Tensor):
         super().__init__()
-        halved = template / UNIT
+        halved = template / FIRST_SCALE
         _refuse_outside(halved)
         self.register_buffer("sign", halved.sign())
         self.register_buffer("base", torch.logit(halved.abs()))

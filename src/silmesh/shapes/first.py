@@ -10,7 +10,7 @@ import trimesh
 from silmesh.cameras.camera import Cameras
 from silmesh.errors import InputError
 from silmesh.hull import is_cut
-from silmesh.meshes import UNIT
+from silmesh.meshes import FIRST_SCALE
 from silmesh.progress import Share, untold
 from silmesh.shapes.carved import Carved, EmptyHull, hull_mesh, prism_mesh
 from silmesh.shapes.choose import VERTICES, Score, Trial, score_meshes, share
@@ -123,7 +123,7 @@ def _make(
         mesh = placed_primitive(init.shape, vertices, silhouettes, cameras)
     if init.align == "none":
         return to_unit(mesh), told
-    mesh.apply_scale(UNIT)
+    mesh.apply_scale(FIRST_SCALE)
     return mesh, told
 
 

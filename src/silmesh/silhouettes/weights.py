@@ -203,7 +203,8 @@ def _copy(answer: HTTPResponse, file: BinaryIO, progress: Share) -> None:
     promised = int(answer.headers["Content-Length"] or 0)
     while part := answer.read(PIECE):
         file.write(part)
-        progress(file.tell() / promised if promised else 0.0)
+        if promised:
+            progress(file.tell() / promised)
 
 
 def _check_integrity(archive: Path, integrity: str) -> None:

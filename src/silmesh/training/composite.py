@@ -14,7 +14,7 @@ from torch.nn import functional
 from silmesh.training.backgrounds import crop_background
 
 Rng = np.random.Generator
-PLAIN = 0.5  # of what is trained on: objects as they are, which are learnt sooner
+UPRIGHT = 0.5  # share of what is trained on that is made as the tests are: it is learnt sooner
 
 
 def compose_random(
@@ -29,7 +29,7 @@ def compose_random(
     Returns:
         [3, size, size] float in 0..1, and [size, size] int64, 1 on the object
     """
-    if rng.random() < PLAIN:
+    if rng.random() < UPRIGHT:
         return compose_upright(cutout, _draw_background(backgrounds, rng), size, rng)
     behind = _draw_behind(backgrounds, size, rng)
     if rng.random() < 0.25:  # a table before a wall

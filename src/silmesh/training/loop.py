@@ -127,8 +127,8 @@ class Training:
 
     @property
     def done(self) -> bool:
-        """Whether all epochs have run, or too many since the best one."""
-        since = len(self.rows) - 1 - self.best_epoch
+        """Whether all epochs have run, or too many of full size since the best one."""
+        since = len(self.rows) - 1 - max(self.best_epoch, _first_of_full_size(self.settings))
         return len(self.rows) >= self.settings.epochs or since >= self.settings.patience
 
     @property
@@ -291,6 +291,11 @@ def _size_at(epoch: int, settings: Settings) -> int:
     part = next(part for end, part in STAGES if epoch < end * settings.epochs)
     smaller = max(min(settings.size, 64), round(settings.size * part / 16) * 16)
     return smaller if part < 1 else settings.size
+
+
+def _first_of_full_size(settings: Settings) -> int:
+    """The first epoch that looks at photographs as large as the tests'."""
+    return next(e for e in range(settings.epochs) if _size_at(e, settings) == settings.size)
 
 
 @torch.no_grad()
