@@ -11,8 +11,6 @@ from torch import Tensor
 from silmesh.errors import InputError
 from silmesh.files import replacing
 
-FIRST_SCALE = 2.0  # a first mesh is kept this many times as large as it is fitted, as the report's
-
 
 def read_mesh(path: Path) -> trimesh.Trimesh:
     """Read a mesh as it is, its vertices neither merged nor reordered.

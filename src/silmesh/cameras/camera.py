@@ -33,6 +33,7 @@ from silmesh.files import replacing
 
 ROUNDING = 1e-4  # that is let pass in a rotation matrix: four decimals
 OBJECT_RADIUS = 0.5  # of the sphere about the origin that holds the object in the normalised world
+FIRST_SCALE = 2.0  # a first mesh is kept this many times as large as it is fitted, as the report's
 
 
 @dataclass(frozen=True)

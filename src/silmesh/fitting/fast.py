@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from silmesh.cameras.camera import Cameras
+from silmesh.cameras.camera import FIRST_SCALE, Cameras
 from silmesh.fitting.adam import Adam
 from silmesh.fitting.cameras import Refinement
 from silmesh.fitting.levels import Level, levels_of
@@ -23,7 +23,6 @@ from silmesh.fitting.losses import Flatten, Laplacian, iou_loss
 from silmesh.fitting.place import place
 from silmesh.fitting.smooth import Smooth, UniformAdam
 from silmesh.fitting.untangle import untangle
-from silmesh.meshes import FIRST_SCALE
 from silmesh.remesh import even_length, remesh
 from silmesh.softras import soft_silhouettes
 

@@ -8,8 +8,8 @@ Liu et al. 2019, section 5.2 and the example that accompanies it.
 import torch
 from torch import Tensor, nn
 
+from silmesh.cameras.camera import FIRST_SCALE
 from silmesh.errors import InputError
-from silmesh.meshes import FIRST_SCALE
 
 
 class OctantSigmoid(nn.Module):

@@ -10,8 +10,7 @@ import numpy as np
 import torch
 import trimesh
 
-from silmesh.cameras.camera import Cameras, Similarity
-from silmesh.meshes import FIRST_SCALE
+from silmesh.cameras.camera import FIRST_SCALE, Cameras, Similarity
 from silmesh.report.outlines import outline_path
 from silmesh.report.packing import encode_glb, pack
 from silmesh.report.rings import frusta_of, look_ahead
