@@ -307,6 +307,14 @@ def test_views_are_written_with_their_manifest(tmp_path):
         assert not np.asarray(image)[:2].any()  # the padding
 
 
+def test_views_tell_how_far_they_are(tmp_path):
+    for name in "abcd":
+        Image.new("RGB", (8, 8)).save(tmp_path / f"{name}.png")
+    shares = []
+    write_views(find_images(tmp_path), 16, "pad", tmp_path / "out", progress=shares.append)
+    assert shares == [0, 0.25, 0.5, 0.75, 1]
+
+
 def test_an_unreadable_photograph_leaves_no_half_written_views(tmp_path):
     good = save(tmp_path / "a.png", RGB)
     (tmp_path / "b.png").write_text("not an image")

@@ -15,6 +15,7 @@ from PIL import Image, ImageOps
 
 from silmesh.errors import InputError
 from silmesh.files import replacing
+from silmesh.progress import Share, untold
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
 ANIMATED = ("PNG", "WEBP", "TIFF")  # formats, as Pillow calls them, that may have more frames
@@ -245,7 +246,12 @@ def read_photograph(view: View, least: tuple[int, int] | None = None) -> Image.I
 
 
 def write_views(
-    paths: Sequence[Path], size: int, resize: str, folder: Path, fewest: int | None = None
+    paths: Sequence[Path],
+    size: int,
+    resize: str,
+    folder: Path,
+    fewest: int | None = None,
+    progress: Share = untold,
 ) -> list[View]:
     """Resize photographs into ``<folder>/<view>.png`` and keep the pixel maps in ``views.json``.
 
@@ -256,6 +262,7 @@ def write_views(
         size: of the working images, in pixels
         resize: ``pad`` or ``stretch``
         fewest: photographs that must be readable; all of them if not given
+        progress: is told which share of the files is done
 
     Raises:
         InputError: too few are
@@ -264,7 +271,8 @@ def write_views(
     unreadable: dict[str, tuple[str, str]] = {}  # file, and why
     with replacing(folder) as part:
         part.mkdir()
-        for name, source, image in read_photographs(paths):
+        for done, (name, source, image) in enumerate(read_photographs(paths)):
+            progress(min(done / len(paths), 1.0))
             if isinstance(image, InputError):
                 unreadable[name] = source, str(image)
                 _refuse_too_few([why for _, why in unreadable.values()], len(paths), fewest)
@@ -280,6 +288,7 @@ def write_views(
             views.sort(key=lambda view: order[view.view])
         rows = [asdict(view) for view in views]
         (part / MANIFEST).write_text(json.dumps(rows, indent=1) + "\n")
+    progress(1.0)
     return views
 
 

@@ -16,7 +16,9 @@ def test_a_plate_is_cut_away_by_the_other_views_and_the_colours():
     colours = np.where(truth[3][..., None], (150, 90, 60), (190, 190, 185))
     pixels = (colours + rng.normal(0, 8, colours.shape)).clip(0, 255).astype(np.uint8)
     sound = [i for i in range(COUNT) if i != 3]
-    new = repair([Image.fromarray(pixels)], found, cameras, [3], sound)[0]
+    shares = []
+    new = repair([Image.fromarray(pixels)], found, cameras, [3], sound, progress=shares.append)[0]
+    assert shares == [1]
     assert (new & truth[3]).sum() / (new | truth[3]).sum() > 0.97
 
 

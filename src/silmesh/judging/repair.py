@@ -13,6 +13,7 @@ from scipy import ndimage
 
 from silmesh.cameras.camera import Cameras
 from silmesh.judging.votes import count_denials
+from silmesh.progress import Share, untold
 
 OUTER = 4  # pixels outside the hull that colours are still judged in; further out is background
 INNER = 1 / 40  # of the image's side: how deep inside the hull what was found before is sure
@@ -27,6 +28,7 @@ def repair(
     doubtful: Sequence[int],
     sound: Sequence[int],
     frames: np.ndarray | None = None,
+    progress: Share = untold,
 ) -> np.ndarray:
     """New silhouettes of the doubtful views: [len(doubtful), height, width] bool.
 
@@ -36,14 +38,14 @@ def repair(
         cameras: of all views, in the normalised world
         doubtful, sound: positions of the views to segment again, and of those that say how
         frames: [views, 4] of the photographs within the images, as ``count_denials`` takes them
+        progress: is told which share of the doubtful views is done
     """
     hulls = count_denials(silhouettes, cameras, doubtful, sound, 1, frames=frames) == 0
-    return np.stack(
-        [
-            segment(np.asarray(photograph.convert("RGB")), hull, silhouettes[i])
-            for photograph, hull, i in zip(photographs, hulls, doubtful, strict=True)
-        ]
-    )
+    found = []
+    for photograph, hull, i in zip(photographs, hulls, doubtful, strict=True):
+        found.append(segment(np.asarray(photograph.convert("RGB")), hull, silhouettes[i]))
+        progress(len(found) / len(doubtful))
+    return np.stack(found)
 
 
 def segment(pixels: np.ndarray, hull: np.ndarray, before: np.ndarray) -> np.ndarray:

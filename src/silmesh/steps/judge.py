@@ -21,6 +21,7 @@ from silmesh.judging.policy import DROPPED, KEPT, REPAIRED, WEIGHTS, Decision, d
 from silmesh.judging.repair import repair
 from silmesh.judging.table import write_table
 from silmesh.judging.votes import on_frame
+from silmesh.progress import share_of
 from silmesh.scene import SILHOUETTES, VIEWS, normalising, read_scene, write_scene
 from silmesh.silhouettes import encode, read_silhouettes
 from silmesh.steps.command import parser, run
@@ -48,7 +49,8 @@ def main(argv: Sequence[str] | None = None) -> None:
 
     def segment(doubtful: Sequence[int], sound: Sequence[int]) -> np.ndarray:
         shown = [Image.open(given.scene / VIEWS / f"{cameras.views[i]}.png") for i in doubtful]
-        return repair(shown, found, cameras, doubtful, sound, frames)
+        progress = share_of(f"judge {given.output}")
+        return repair(shown, found, cameras, doubtful, sound, frames, progress)
 
     place = {view: i for i, view in enumerate(cameras.views)}
     lost = {place[view]: why for view, why in told["lost"].items() if view in place}

@@ -4,6 +4,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from silmesh.progress import share_of
 from silmesh.steps.command import parser, run
 from silmesh.views import count_frames, write_views
 
@@ -19,7 +20,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     )
     args.add_argument("--output", type=Path, required=True, help="folder to make")
     given = args.parse_args(argv)
-    views = write_views(given.images, given.size, given.resize, given.output, given.fewest)
+    progress = share_of(f"views {given.output}")
+    views = write_views(
+        given.images, given.size, given.resize, given.output, given.fewest, progress
+    )
     for view in views:
         if view.unreadable:
             print(f"silmesh: {view.unreadable}; the view is dropped", file=sys.stderr)
