@@ -26,7 +26,7 @@ from scipy.spatial import KDTree
 from silmesh.cameras.turntable import orbit_cameras
 from silmesh.synthetic.layout import OBJECTS
 from silmesh.synthetic.make import find_paint, make_object, mesh_solid
-from silmesh.synthetic.paints import cover, mix, speckle, step
+from silmesh.synthetic.paints import band, cover, mix, speckle, step
 from silmesh.synthetic.photograph import photograph
 from silmesh.synthetic.solids import (
     ellipsoid,
@@ -195,9 +195,9 @@ def random_paint(parts: Sequence[Callable], rng: np.random.Generator) -> Callabl
             cover(
                 skin, step(edge[1], np.sin(points @ way * (6.28 / period)), 0.2), colours[2], shine
             )
-        for i, (height, width) in enumerate(bands):
-            inside = width - np.abs(points[:, 1] - height)
-            cover(skin, step(0.0, inside, 0.005), colours[2 * (i % 2)], shine)
+        for i, (height, reach) in enumerate(bands):
+            inside = band(height - reach, height + reach, points[:, 1], 0.005)
+            cover(skin, inside, colours[2 * (i % 2)], shine)
         if second:
             cover(skin, step(0.5, speckle(points, grains[1], int(seeds[1])), 0.05), colours[3], 0.1)
         return skin.astype(np.float32)

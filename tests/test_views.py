@@ -315,6 +315,14 @@ def test_views_tell_how_far_they_are(tmp_path):
     assert shares == [0, 0.25, 0.5, 0.75, 1]
 
 
+def test_an_array_is_done_once(tmp_path):
+    np.save(tmp_path / "source.npy", np.full((5, 4, 8, 8), 255, np.uint8))
+    shares = []
+    write_views([tmp_path / "source.npy"], 8, "pad", tmp_path / "out", progress=shares.append)
+    assert len(shares) == 6
+    assert max(shares[:-1]) < shares[-1] == 1
+
+
 def test_an_unreadable_photograph_leaves_no_half_written_views(tmp_path):
     good = save(tmp_path / "a.png", RGB)
     (tmp_path / "b.png").write_text("not an image")

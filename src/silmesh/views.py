@@ -262,7 +262,7 @@ def write_views(
         size: of the working images, in pixels
         resize: ``pad`` or ``stretch``
         fewest: photographs that must be readable; all of them if not given
-        progress: is told which share of the files is done
+        progress: is told which share is done; of an array it is not known before the end
 
     Raises:
         InputError: too few are
@@ -272,7 +272,7 @@ def write_views(
     with replacing(folder) as part:
         part.mkdir()
         for done, (name, source, image) in enumerate(read_photographs(paths)):
-            progress(min(done / len(paths), 1.0))
+            progress(done / max(len(paths), done + 1))  # an array is one file of many
             if isinstance(image, InputError):
                 unreadable[name] = source, str(image)
                 _refuse_too_few([why for _, why in unreadable.values()], len(paths), fewest)

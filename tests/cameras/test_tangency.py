@@ -41,7 +41,7 @@ def least_of_others(outlines, pose, v, point):
         if j != v:
             u, w, depth = P @ [*point, 1]
             value = bilinear(outlines.distances[j], u / depth, w / depth)
-            beyond = 0.0 if outlines.cut[j] else -outlines.far
+            beyond = 0.0 if outlines.cut[j] else outlines.distances.min()
             values.append(beyond if value is None else value)
     return min(values)
 

@@ -9,7 +9,7 @@ import pytest
 from pages import SIZE, VIEWS, gallery
 from PIL import Image
 
-from silmesh.report.budget import PHOTOGRAPHS, choose_views, spread_evenly
+from silmesh.report.budget import choose_views, spread_evenly
 from silmesh.report.outlines import UNITS, outline_path
 
 
@@ -79,7 +79,7 @@ def test_doubtful_views_first_and_the_others_evenly():
     assert {50, 51} < set(chosen)
     assert chosen == sorted(chosen)
     size = len(chosen) * (3000 + 0.65 * 600)
-    assert 0.8 * PHOTOGRAPHS / 50 < size <= PHOTOGRAPHS / 50
+    assert 0.8 * 1_250_000 / 50 < size <= 1_250_000 / 50
     assert np.diff([i for i in chosen if i not in (50, 51)]).max() <= 72 / (len(chosen) - 2) + 3
 
 

@@ -74,6 +74,17 @@ def test_patience_counts_from_the_first_epoch_of_full_size():
     assert training.done
 
 
+@pytest.mark.parametrize("epochs", [1, 2, 4])
+def test_few_epochs_all_run(epochs):
+    training = Training(Settings("mobilenet_v3_large", epochs, 1, 2, 192, 1e-3, 0), None)
+    falling = [Epoch(e, 1.0, 0.5, 1.0, 0.5 - 0.01 * e, 1e-3, 1.0) for e in range(epochs)]
+    for run in range(epochs):
+        training.rows = falling[:run]
+        assert not training.done
+    training.rows = falling
+    assert training.done
+
+
 def test_random_depthwise_kernels_keep_what_they_are_given_in_size():
     torch.manual_seed(0)
     network = Training(TINY, None).network

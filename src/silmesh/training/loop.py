@@ -294,8 +294,12 @@ def _size_at(epoch: int, settings: Settings) -> int:
 
 
 def _first_of_full_size(settings: Settings) -> int:
-    """The first epoch that looks at photographs as large as the tests'."""
-    return next(e for e in range(settings.epochs) if _size_at(e, settings) == settings.size)
+    """The first epoch that looks at photographs as large as the tests', or how many there are.
+
+    Of fewer than five epochs none may come so far.
+    """
+    full = (e for e in range(settings.epochs) if _size_at(e, settings) == settings.size)
+    return next(full, settings.epochs)
 
 
 @torch.no_grad()
