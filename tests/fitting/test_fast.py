@@ -103,7 +103,7 @@ def test_a_step_halves_when_a_round_is_no_better_and_the_level_ends():
     assert levels > 1
     for level in range(levels):
         halvings = fast.HALVINGS if level == levels - 1 else fast.COARSE_HALVINGS
-        for rounds in range(halvings):  # the first is the best; each further one halves
+        for rounds in range(halvings):  # nothing is before the first; each further one halves
             for _ in range(fit._round):
                 fit._count_round(0.5)
             assert (fit._level, fit._slowed) == (level, rounds)
@@ -120,6 +120,14 @@ def test_falling_losses_do_not_halve():
         for _ in range(fit._round):
             fit._count_round(0.8**k)
     assert fit._slowed == 0
+
+
+def test_losses_that_fall_after_a_jump_halve_once():
+    fit = Fast(*to_tensors(unit_sphere(162)), *scene(), TOLD)
+    for loss in (0.2, 0.3, 0.28, 0.26, 0.24, 0.22):
+        for _ in range(fit._round):
+            fit._count_round(loss)
+    assert (fit._level, fit._slowed) == (0, 1)
 
 
 def test_a_view_without_weight_says_nothing():

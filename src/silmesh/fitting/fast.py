@@ -2,8 +2,8 @@
 
 What is counted in pixels is so in those of the level that is fitted, whose images are 1/2^k of the
 working images. A step sees one batch of views, spread evenly; a round is some of each batch. When
-a round's loss is hardly lower than the best before, steps are halved; when they have been halved
-often enough, the level is done.
+a round's loss is hardly lower than that of the one before, steps are halved; when they have been
+halved often enough, the level is done.
 """
 
 import math
@@ -175,9 +175,9 @@ class Fast:
         if len(self._losses) < self._round:
             return
         mean, self._losses = sum(self._losses) / self._round, []
-        if mean > self._best * (1 - LEVELLED):
+        if mean > self._before * (1 - LEVELLED):  # a loss that falls after a jump has not levelled
             self._slowed += 1
-        self._best = min(mean, self._best)
+        self._before = mean
         self._near |= self._told.refine_cameras and mean < NEAR
         finest = self._level == len(self._levels) - 1
         if self._slowed >= (HALVINGS if finest else COARSE_HALVINGS):
@@ -185,7 +185,7 @@ class Fast:
         self._even_out()
 
     def _enter(self, level: int) -> None:
-        self._level, self._slowed, self._best, self._losses = level, 0, math.inf, []
+        self._level, self._slowed, self._before, self._losses = level, 0, math.inf, []
 
     def _even_out(self) -> None:
         """Give the mesh new edges if they have become uneven."""
@@ -222,7 +222,7 @@ class Fast:
             {
                 "steps": self._steps,
                 "halvings": self.halvings,
-                "level": [self._level, self._slowed, self._best, self._losses],
+                "level": [self._level, self._slowed, self._before, self._losses],
                 "near": self._near,
                 "u": self._u.detach(),
                 "faces": self.faces,
@@ -236,7 +236,7 @@ class Fast:
         """Go on from a state."""
         state = deepcopy(state)
         self._steps, self.halvings = state["steps"], state["halvings"]
-        self._level, self._slowed, self._best, self._losses = state["level"]
+        self._level, self._slowed, self._before, self._losses = state["level"]
         self._near = state["near"]
         if not torch.equal(self.faces, state["faces"]):
             self._take_faces(state["faces"], len(state["u"]))
