@@ -37,7 +37,11 @@ class Adam:
                 continue
             first.lerp_(moved.grad, 1 - beta1)
             second.mul_(beta2).addcmul_(moved.grad, moved.grad, value=1 - beta2)
-            moved.addcdiv_(first, (second.sqrt() / root).add_(EPS), value=-length)
+            moved.addcdiv_(first, (self.scale(second).sqrt() / root).add_(EPS), value=-length)
+
+    def scale(self, second: Tensor) -> Tensor:
+        """The squared gradients by which the steps of a parameter are scaled: each by its own."""
+        return second
 
     def state(self) -> dict:
         """All that changes but the parameters."""

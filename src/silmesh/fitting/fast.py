@@ -15,8 +15,7 @@ import torch
 from torch import Tensor
 
 from silmesh.cameras.camera import FIRST_SCALE, Cameras
-from silmesh.fitting.adam import Adam
-from silmesh.fitting.cameras import Refinement
+from silmesh.fitting.cameras import Refinement, RefinementAdam
 from silmesh.fitting.levels import Level, levels_of
 from silmesh.fitting.loop import refuse_not_finite
 from silmesh.fitting.losses import Flatten, Laplacian, iou_loss
@@ -99,7 +98,7 @@ class Fast:
         self._round = self._batches * math.ceil(ROUND / self._batches)
         self._refinement = Refinement(cameras)
         self._corrections = self._refinement.start().requires_grad_()
-        self._adam = Adam([self._corrections], CAMERA_BETAS)
+        self._adam = RefinementAdam([self._corrections], CAMERA_BETAS)
         self._count = len(faces)
         self._steps, self.halvings, self._near = 0, 0, False
         self._take_mesh(place(template / FIRST_SCALE, cameras, silhouettes.cpu()), faces)
