@@ -106,58 +106,51 @@ def settle(
     mean = placed.mean if placed else 0.0
     if mean >= COHERENT and faced is attempt:
         return _tell_taken(faced, mean), placed
-    found, agreed = _find_fitting(attempt, silhouettes)
-    better = found is not None and agreed >= FITS
-    better = better and agreed >= mean + (NEAR if mean >= COHERENT else GAIN)
-    doubted = mean < REFUSED or faced.mirrored or faced.doubt is not None
-    if placed and (mean >= REFUSED or not (faced.mirrored or faced.doubt)) and not better:
+    found, agreed, own = _find_fitting(attempt, faced, silhouettes, mean >= COHERENT)
+    better = agreed >= max(FITS, own + (NEAR if mean >= COHERENT else GAIN))
+    doubted = faced.mirrored or faced.doubt is not None
+    if placed and not better and (mean >= REFUSED or not doubted):
         return _tell_taken(faced, mean), placed
-    said = _say_fitting(found, agreed) if better else _say_none(faced, found, agreed)
-    if placed and better and not doubted:
-        return replace(faced, warnings=(*faced.warnings, f"{_file(faced)}: {why}. {said}")), placed
-    raise InputError(f"{why}. {said}")
+    why += f". {_say_fitting(found, agreed) if better else _say_none(faced, found, agreed)}"
+    if placed and mean >= REFUSED and not doubted:
+        return replace(faced, warnings=(*faced.warnings, f"{_file(faced)}: {why}")), placed
+    raise InputError(why)
 
 
 def _face(attempt: Attempt, silhouettes: np.ndarray) -> Attempt:
     """Of matrices whose sign is free the sign by which the object lies before the cameras.
 
     If that makes the matrices mirror, they are of a left-handed world, whose mirror image is taken.
-
-    Raises:
-        InputError: it would make some of them mirror and others not
     """
+    shown = find_shown(silhouettes)
     if not attempt.signless:
         return attempt
-    shown = find_shown(silhouettes)
-    cameras = attempt.cameras.select(shown)
-    behind = find_object(cameras, silhouettes[shown])[1] <= 0
-    if not behind.any():
+    try:
+        depth = find_object(attempt.cameras.select(shown), silhouettes[shown])[1]
+    except InputError:
         return attempt
-    if behind.all():
-        turned = attempt.cameras.turned_round().in_mirrored_world()
-        return replace(attempt, cameras=turned, mirrored=not attempt.mirrored)
-    rare = behind if behind.sum() * 2 <= len(behind) else ~behind
-    names = [view for view, own in zip(cameras.views, rare.tolist(), strict=True) if own]
-    raise InputError(
-        f"{len(names)} of {len(cameras)} matrices ({_some(names)}) mirror what the others do not, "
-        "or the other way round: with det R = +1 the object lies behind some cameras and before "
-        "the others. All should be of one world, and of these photographs"
-    )
+    if (depth <= 0).sum() * 2 <= len(depth):
+        return attempt
+    turned = attempt.cameras.turned_round().in_mirrored_world()
+    return replace(attempt, cameras=turned, mirrored=not attempt.mirrored)
 
 
 def _try_to_place(attempt: Attempt, silhouettes: np.ndarray) -> tuple[Placed | None, str]:
     """The cameras placed, if they can be, and what speaks against them."""
+    said = [attempt.doubt.removeprefix(f"{_file(attempt)}: ")] if attempt.doubt else []
+    if attempt.mirrored:
+        said.append("the matrices mirror, as of a left-handed world or of rows counted from below")
     try:
         placed = place(attempt.cameras, silhouettes)
     except InputError as error:
-        return None, str(error)
-    mirror = "the matrices mirror, as of a left-handed world or of rows counted from below, and "
-    return placed, (
-        (f"{attempt.doubt.removeprefix(f'{_file(attempt)}: ')}, and " if attempt.doubt else "")
-        + mirror * attempt.mirrored
-        + f"the silhouettes contradict the cameras: the largest body that they all allow fills "
+        if attempt.signless:
+            said.append("the signs are such that all matrices mirror, or none does")
+        return None, "; ".join([*said, str(error)])
+    said.append(
+        "the silhouettes contradict the cameras: the largest body that they all allow fills "
         f"{placed.mean:.0%} of them"
     )
+    return placed, "; ".join(said)
 
 
 def _tell_taken(attempt: Attempt, mean: float) -> Attempt:
@@ -201,28 +194,48 @@ def _some(names: list[str]) -> str:
     return ", ".join(names[:NAMED]) + ", ..." * (len(names) > NAMED)
 
 
-def _find_fitting(attempt: Attempt, silhouettes: np.ndarray) -> tuple[Reading | None, float]:
-    """Of the other readings the most coherent, or a more usual one that is nearly so; its IoU."""
+def _find_fitting(
+    attempt: Attempt, faced: Attempt, silhouettes: np.ndarray, pixels_only: bool
+) -> tuple[Reading | None, float, float]:
+    """Of the other readings the most coherent, or a more usual one that is nearly so.
+
+    Args:
+        attempt: as it was read
+        faced: as it is judged
+        pixels_only: whether only pixels counted from another side are in question
+    Returns:
+        the reading, its hull IoU over some of the views, and that of the attempt over the same
+    """
     shown = find_shown(silhouettes)
     some = shown[np.linspace(0, len(shown) - 1, min(len(shown), VIEWS)).round().astype(int)]
     cameras, seen = attempt.cameras.select(some), silhouettes[some]
     cameras = cameras.in_mirrored_world() if attempt.mirrored else cameras
+    own = _measure(faced.cameras.select(some), seen)
     try:
         straight = straighten(cameras, seen)
     except InputError:
-        return None, 0.0
+        return None, 0.0, own
     seen = straight.silhouettes(seen)
     scored = []
-    for reading in _read_otherwise(attempt, straight.cameras):
-        if len(scored) < MOST and (cameras := _stand(reading, seen, attempt.signless)) is not None:
-            try:
-                scored.append((place(cameras, seen, resolution=RESOLUTION).mean, reading))
-            except InputError:
-                continue
+    sides = _from_other_sides(straight.cameras)
+    for reading in sides if pixels_only else _read_otherwise(attempt, straight.cameras):
+        if (stood := _stand(reading, seen, attempt.signless)) is not None:
+            scored.append((_measure(stood, seen), reading))
+        if len(scored) == MOST or (scored and scored[-1][0] >= 1 - NEAR):  # none can be better
+            break
     if not scored:
-        return None, 0.0
+        return None, 0.0, own
     most = max(mean for mean, _ in scored)
-    return next((reading, mean) for mean, reading in scored if mean >= most - NEAR)
+    mean, reading = next(s for s in scored if s[0] >= most - NEAR)
+    return reading, mean, own
+
+
+def _measure(cameras: Cameras, seen: np.ndarray) -> float:
+    """The hull IoU, coarsely; 0 where the cameras cannot be placed."""
+    try:
+        return place(cameras, seen, resolution=RESOLUTION).mean
+    except InputError:
+        return 0.0
 
 
 def _stand(reading: Reading, seen: np.ndarray, signless: bool) -> Cameras | None:
@@ -250,7 +263,8 @@ def _reach(seen: np.ndarray) -> Tensor:
 
 def _read_otherwise(attempt: Attempt, cameras: Cameras) -> Iterator[Reading]:
     """All other readings of cameras that were read as the attempt's format is written."""
-    yield from _from_other_sides(cameras)
+    if attempt.signless:  # matrices that have the pixels in them
+        yield from _from_other_sides(cameras)
     written = attempt.figures.get("written", WORLD_TO_CAMERA)
     own = POSES[0] if written != WORLD_TO_CAMERA else POSES[1]
     axes = OPENGL if written == CAMERA_TO_WORLD_OPENGL else OPENCV
@@ -288,8 +302,7 @@ def _from_other_sides(cameras: Cameras) -> Iterator[Reading]:
         K[:, i, 2] = cameras.sizes[:, i] - cameras.K[:, i, 2]
         yield Reading(
             f"matrices whose {lines} are counted from {side}",
-            f"replace the {row} row of each P by {size} * (third row) - ({row} row), or of each K "
-            f"with what follows from it",
+            f"replace the {row} row of each P = K [R | t] by {size} * (third row) - ({row} row)",
             replace(cameras, K=K, R=flip @ cameras.R, t=cameras.t @ flip),
         )
 
