@@ -87,7 +87,7 @@ def _place(folder: Path, given: Namespace) -> tuple[Attempt, Placed | None]:
     if attempt.cameras is None:
         return attempt, None
     try:
-        with blaming(attempt.figures.get("file", f"cameras {attempt.source!r}")):
+        with blaming(attempt.figures.get("file", folder)):
             seen = read_silhouettes(given.silhouettes, attempt.cameras.views)
             return settle(attempt, seen, given.keep_world)
     except InputError as error:
