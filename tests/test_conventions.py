@@ -69,7 +69,7 @@ def write_npz(path, matrices):
 
 
 def write_par(path, matrices):
-    """K with a negative focal length, R a rotation: the world is left-handed."""
+    """``name K R t``, R a rotation: of a left-handed world K has a negative focal length."""
     rows = []
     for i, matrix in enumerate(matrices):
         M = to_integers(matrix)
@@ -78,7 +78,7 @@ def write_par(path, matrices):
         K, R = K * np.sign(K[2, 2]), R * np.sign(K[2, 2])
         turn = np.diag([1, np.linalg.det(R), 1])
         K, R = K @ turn, turn @ R
-        t = np.linalg.solve(K, M[:, 3]) / 1
+        t = np.linalg.solve(K, M[:, 3])
         rows.append(" ".join([f"v{i}.png", *map(repr, map(float, [*K.ravel(), *R.ravel(), *t]))]))
     path = path.with_name(f"{path.name}_par.txt")
     path.write_text("\n".join([str(len(rows)), *rows]) + "\n")
