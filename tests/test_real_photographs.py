@@ -1,10 +1,12 @@
 """The report's numbers before the first step, on the real photographs."""
 
+import numpy as np
 import pytest
 import torch
 
 from silmesh.cameras.formats import attempt_from_file
 from silmesh.cameras.turntable import softras_cameras, turntable_cameras
+from silmesh.conventions import settle
 from silmesh.evaluation import coherence
 from silmesh.fitting.loop import run
 from silmesh.fitting.softras import Settings, SoftRas
@@ -95,3 +97,20 @@ def test_the_bunnys_matrices_agree_with_its_masks(data, tmp_path):
     seen = read_silhouettes(tmp_path / "silhouettes", attempt.cameras.views)
     cameras = attempt.cameras.in_world_of(normalising(attempt.cameras, seen))
     assert coherence(carve(seen, cameras), cameras, seen).mean() >= 0.95
+
+
+def test_the_bunnys_matrices_of_a_left_handed_world_agree_as_well(data, tmp_path):
+    bunny = data / "bunny"
+    images = find_images(bunny / "images")
+    masks = match_masks(images, find_images(bunny / "masks"))
+    views = write_views(images, 128, "pad", tmp_path / "views")
+    write_silhouettes("mask", views, tmp_path / "views", masks, tmp_path / "silhouettes")
+    seen = read_silhouettes(tmp_path / "silhouettes", [view.view for view in views])
+    (tmp_path / "left").mkdir()
+    for file in (bunny / "projections").iterdir():
+        np.savetxt(tmp_path / "left" / file.name, np.loadtxt(file) @ np.diag([1, 1, -1, 1]))
+    given, plain = settle(attempt_from_file(bunny / "projections", views), seen)
+    mirrored, placed = settle(attempt_from_file(tmp_path / "left", views), seen)
+    assert (given.mirrored, mirrored.mirrored) == (False, True)
+    assert placed.mean == pytest.approx(plain.mean, abs=1e-3)
+    assert placed.mean > 0.95

@@ -46,7 +46,9 @@ def find_shown(silhouettes: np.ndarray) -> np.ndarray:
     return np.flatnonzero(silhouettes.any(axis=(1, 2)))
 
 
-def place(cameras: Cameras, silhouettes: np.ndarray, keep_world: bool = False) -> Placed:
+def place(
+    cameras: Cameras, silhouettes: np.ndarray, keep_world: bool = False, resolution: int = 128
+) -> Placed:
     """Take the cameras' lenses away, normalise their world and measure their coherence.
 
     The views whose silhouette is empty have no say in it.
@@ -55,6 +57,7 @@ def place(cameras: Cameras, silhouettes: np.ndarray, keep_world: bool = False) -
         cameras: in their own world
         silhouettes: [views, height, width] bool, of the cameras' views
         keep_world: it is normalised already
+        resolution: of the hull, as ``carve`` takes it
 
     Raises:
         InputError: the cameras do not look at one object, or fewer than two silhouettes show it
@@ -72,7 +75,7 @@ def place(cameras: Cameras, silhouettes: np.ndarray, keep_world: bool = False) -
     cameras, kept = cameras.in_world_of(similarity), kept.in_world_of(similarity)
     refuse_camera_inside(cameras)
     agreement = np.zeros(len(cameras))
-    agreement[shown] = coherence(carve(seen, kept), kept, seen)
+    agreement[shown] = coherence(carve(seen, kept, resolution), kept, seen)
     return Placed(cameras, straightened, similarity, agreement)
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from silmesh.cameras.camera import (
     OBJECT_RADIUS,
@@ -26,6 +27,7 @@ from silmesh.files import replacing
 from silmesh.straighten import Straightened
 
 VIEWS, SILHOUETTES = "views", "silhouettes"  # folders of a scene
+NAMED = 3  # views in a message
 
 
 def normalising(cameras: Cameras, silhouettes: np.ndarray) -> Similarity:
@@ -42,21 +44,50 @@ def normalising(cameras: Cameras, silhouettes: np.ndarray) -> Similarity:
         InputError: the rays are parallel, or the object would be behind a camera
     """
     points = [torch.as_tensor(np.argwhere(s)[:, ::-1] + 0.5) for s in silhouettes]
-    middles = torch.stack([(p.min(0).values + p.max(0).values) / 2 for p in points])
-    centre = cameras.meet(middles)
-    depth = cameras.depths(centre.unsqueeze(0)).squeeze(1)
+    centre, depth = find_object(cameras, silhouettes)
     if not (depth > 0).all():
-        view = cameras.views[int(depth.argmin())]
-        raise InputError(
-            f"view {view!r}: the object would lie behind its camera; the cameras and the "
-            "silhouettes should be of the same photographs"
-        )
+        raise InputError(_say_behind(cameras, depth))
     projected = cameras.project(centre.unsqueeze(0))
     scale = cameras.K[:, :2, :2].inverse()  # [views, 2, 2] pixels to units at depth 1
     reach = [
         ((p - c) @ s.mT).norm(dim=1).max() for p, c, s in zip(points, projected, scale, strict=True)
     ]
     return Similarity(centre, float(OBJECT_RADIUS / (torch.stack(reach) * depth).max()))
+
+
+def find_object(cameras: Cameras, silhouettes: np.ndarray) -> tuple[Tensor, Tensor]:
+    """Where the rays through the middles of the silhouettes' boxes meet [3], its depths [views].
+
+    Raises:
+        InputError: the rays are parallel
+    """
+    centre = cameras.meet(find_middles(silhouettes))
+    return centre, cameras.depths(centre.unsqueeze(0)).squeeze(1)
+
+
+def find_middles(silhouettes: np.ndarray) -> Tensor:
+    """The middles of the silhouettes' bounding boxes, in pixels: [views, 2] float64."""
+    middles = []
+    for seen in silhouettes:
+        rows, columns = (np.flatnonzero(seen.any(axis=axis)) for axis in (1, 0))
+        middles.append([columns[0] + columns[-1] + 1, rows[0] + rows[-1] + 1])
+    return torch.tensor(middles, dtype=torch.float64) / 2
+
+
+def _say_behind(cameras: Cameras, depth: Tensor) -> str:
+    behind = [view for view, d in zip(cameras.views, depth.tolist(), strict=True) if not d > 0]
+    view = cameras.views[int(depth.argmin())]
+    if len(behind) == len(cameras):
+        return (
+            f"view {view!r}: the object would lie behind its camera, and behind those of all views:"
+            " the cameras look away from it"
+        )
+    others = f" ({', '.join(behind[:NAMED])}{', ...' * (len(behind) > NAMED)})"
+    return (
+        f"view {view!r}: the object would lie behind its camera: {len(behind)} of {len(cameras)} "
+        f"cameras look away from it{others * (len(behind) > 1)}; the cameras and the silhouettes "
+        "should be of the same photographs"
+    )
 
 
 def refuse_camera_inside(cameras: Cameras) -> None:

@@ -1,5 +1,6 @@
 """The command line itself: help, completion, exit statuses; and a whole run, slow."""
 
+import json
 import os
 import signal
 import subprocess
@@ -147,3 +148,39 @@ def test_photographs_to_a_mesh_and_on_after_an_interruption(tmp_path):
     assert last.startswith(f"silmesh: {photos}/r3.png: view 'r3', silhouettes from 'threshold': ")
     assert said == ""
     assert not (tmp_path / "other.stl").exists()
+
+
+def write_poses(path: Path) -> None:
+    """``transforms.json`` of the turntable with OpenCV's axes, where it should have OpenGL's."""
+    cameras = turntable(VIEWS, 64, elevation=10)
+    focal = float(cameras.K[0, 0, 0])
+    frames = []
+    for i, (R, centre) in enumerate(zip(cameras.R.numpy(), cameras.centres.numpy(), strict=True)):
+        pose = np.eye(4)
+        pose[:3, :3], pose[:3, 3] = R.T, centre
+        frames.append({"file_path": f"r{i}.png", "transform_matrix": pose.tolist()})
+    path.write_text(json.dumps({"fl_x": focal, "w": 64, "h": 64, "frames": frames}))
+
+
+@pytest.mark.slow
+def test_cameras_of_a_file_are_judged_by_the_silhouettes_under_the_persons_own_path(tmp_path):
+    photograph(tmp_path / "photos")
+    (tmp_path / "model").mkdir()
+    write_poses(tmp_path / "model" / "transforms.json")
+    status, _, told = run(tmp_path, "photos", "--cameras", "file:model")
+    assert status != 0
+    last = told.splitlines()[-1]
+    assert last.startswith("silmesh: model/transforms.json: ")
+    assert "the cameras look away from it. Read as camera to world with OpenCV's axes" in last
+    assert "negate columns 2 and 3 of each matrix" in last
+    assert "results/" not in last
+
+    (tmp_path / "left").mkdir()
+    for i, matrix in enumerate(turntable(VIEWS, 64, elevation=10).projections.numpy()):
+        np.savetxt(tmp_path / "left" / f"r{i}.txt", matrix @ np.diag([1, 1, -1, 1]))
+    status, said, told = run(tmp_path, "photos", "--cameras", "file:left", "-o", "left.ply")
+    assert status == 0, told
+    assert said.startswith("left.ply: good; ")
+    assert told.splitlines()[-1].startswith("silmesh: left: the cameras are of a left-handed world")
+    cut = trimesh.load_mesh(tmp_path / "left.ply")
+    assert cut.volume == pytest.approx(4 / 3 * np.pi * 0.45 * 0.3 * 0.2, rel=0.1)  # not inside out

@@ -175,6 +175,20 @@ def test_a_truth_that_a_mesh_was_laid_on_comes_back_to_it(parts):
     np.testing.assert_allclose(back.min(axis=0), [-0.25, -0.4, -0.2], atol=1e-9)
 
 
+def test_the_truth_of_a_left_handed_world_is_mirrored(parts):
+    results, galleries = parts
+    run = ("cup", "plain")
+    told = results[run].scene.told | {"mirrored": True}
+    scene = dataclasses.replace(results[run].scene, told=told)
+    moved = dataclasses.replace(results[run], scene=scene)
+    placed = []
+    for case in (results[run], moved):
+        page = write_page({run: case}, galleries, SETTINGS, {"cup": box((0.5, 0.8, 0.4))})
+        data = json.loads(unpack(Reader(page).packed["data-0"]))
+        placed.append(np.array(data["runs"][0]["placed"]).reshape(4, 4).T)
+    np.testing.assert_allclose(placed[1], placed[0] @ np.diag([1, 1, -1, 1]), atol=1e-12)
+
+
 def test_every_image_says_what_it_shows(page):
     images = [attrs for tag, attrs in Reader(page).tags if tag == "img"]
     # two thumbnails and a picture a run; a picture of cameras a scene

@@ -261,6 +261,51 @@ def test_a_mesh_of_estimated_cameras_is_aligned_with_its_truth(results, tmp_path
     assert metrics["f_score"] > 0.9
 
 
+def test_matrices_of_a_left_handed_world_and_its_truth_are_mirrored(results, tmp_path, capsys):
+    """The mirror image of the mirrored world is the one that all else was made in."""
+    for view, matrix in zip(photographed().views, photographed().projections, strict=True):
+        path = tmp_path / "P" / f"{view}.txt"
+        path.parent.mkdir(exist_ok=True)
+        np.savetxt(path, matrix.numpy() @ np.diag([1, 1, -1, 1]))
+    call(cameras_step, views=results / "views", file=tmp_path / "P", output=tmp_path / "c")
+    pictures = {"views": results / "views", "silhouettes": results / "silhouettes"}
+    call(scene, **pictures, cameras=tmp_path / "c", output=tmp_path / "scene")
+    assert f"silmesh: {tmp_path / 'P'}: the cameras are of a left-handed" in capsys.readouterr().err
+    told = json.loads((tmp_path / "scene" / "scene.json").read_text())
+    own = json.loads((results / "found" / "scene.json").read_text())
+    assert told["mirrored"]
+    assert not own["mirrored"]
+    assert told["hull_iou_mean"] == pytest.approx(own["hull_iou_mean"], abs=1e-3)
+    np.testing.assert_allclose(told["centre"], own["centre"], atol=1e-6)
+
+    truth = trimesh.load_mesh(results.parent / "truth.ply", process=False)
+    truth.vertices[:, 2] *= -1
+    truth.invert()
+    truth.export(tmp_path / "truth.ply")
+    variant = results / "object" / "variant"
+    measured = {}
+    for name, folder, true in (
+        ("left", tmp_path / "scene", tmp_path / "truth.ply"),
+        ("own", results / "scene", results.parent / "truth.ply"),
+    ):
+        call(
+            evaluate,
+            mesh=variant / "mesh.ply",
+            cameras=variant / "cameras.json",
+            loss=variant / "loss.csv",
+            sigma=SETTINGS["sigma"],
+            scene=folder,
+            truth=true,
+            results=results,
+            output=tmp_path / f"{name}.json",
+        )
+        measured[name] = json.loads((tmp_path / f"{name}.json").read_text())
+    for key in ("chamfer", "volume_iou", "normal_consistency"):
+        assert measured["left"][key] == pytest.approx(measured["own"][key], rel=0.02)
+    assert measured["left"]["cameras"]["mirrored"]
+    assert "left-handed world" in measured["left"]["cameras"]["warnings"][0]
+
+
 def test_no_part_is_left(results):
     assert not list(results.rglob(".part-*"))
 

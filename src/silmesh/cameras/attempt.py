@@ -14,6 +14,10 @@ from silmesh.cameras.camera import Cameras, read_cameras, write_cameras
 from silmesh.files import replacing
 
 CAMERAS, REPORT = "cameras.json", "report.json"
+FILE = "file"  # the source of cameras that were read, as their attempts name it
+WORLD_TO_CAMERA = "world to camera"  # how a file writes poses
+CAMERA_TO_WORLD = "camera to world"
+CAMERA_TO_WORLD_OPENGL = "camera to world, OpenGL's axes"
 
 
 @dataclass(frozen=True)
@@ -21,12 +25,15 @@ class Attempt:
     """Cameras from one source, or why there are none.
 
     Attributes:
-        source: where they come from, as the table names it; ``file`` for a file
+        source: where they come from, as the table names it; ``FILE`` for a file
         cameras: in pixels of the working images, of the views that have one; None if refused
         refusal: what a person should know if it was refused: figures, and what to try
         dropped: why each view without a camera has none
         warnings: what a person should know of the cameras, in sentences
         figures: what else the source says of them, for JSON
+        mirrored: their world is the mirror image of the source's own, with z negated (``MIRROR``)
+        signless: they come of matrices whose sign is free: where the object lies tells it
+        doubt: what speaks against them, in a sentence, unless the silhouettes agree with them
     """
 
     source: str
@@ -35,6 +42,9 @@ class Attempt:
     dropped: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     figures: Mapping[str, Any] = field(default_factory=dict)
+    mirrored: bool = False
+    signless: bool = False
+    doubt: str | None = None
 
 
 def write_attempt(folder: Path, attempt: Attempt) -> None:
@@ -45,6 +55,9 @@ def write_attempt(folder: Path, attempt: Attempt) -> None:
         "dropped": dict(attempt.dropped),
         "warnings": list(attempt.warnings),
         "figures": dict(attempt.figures),
+        "mirrored": attempt.mirrored,
+        "signless": attempt.signless,
+        "doubt": attempt.doubt,
     }
     with replacing(folder) as part:
         part.mkdir()

@@ -32,6 +32,7 @@ from silmesh.errors import InputError, blaming
 from silmesh.files import replacing
 
 ROUNDING = 1e-4  # that is let pass in a rotation matrix: four decimals
+MIRROR = (1.0, 1.0, -1.0)  # from a left-handed world to its mirror image, which is right-handed
 OBJECT_RADIUS = 0.5  # of the sphere about the origin that holds the object in the normalised world
 FIRST_SCALE = 2.0  # a first mesh is kept this many times as large as it is fitted, as the report's
 
@@ -152,6 +153,20 @@ class Cameras:
         """
         return replace(self, sizes=sizes, K=maps.to(self.K) @ self.K)
 
+    def in_mirrored_world(self) -> "Cameras":
+        """The same pictures of the mirrored world: R X + t = (R M) (M X) + t for M = diag(MIRROR).
+
+        An R that is a rotation becomes a reflection, and the other way round.
+        """
+        return replace(self, R=self.R * torch.tensor(MIRROR, dtype=self.R.dtype))
+
+    def turned_round(self) -> "Cameras":
+        """The same lines of sight seen the other way: what was behind a camera is before it.
+
+        R becomes a reflection where it was a rotation, and the other way round.
+        """
+        return replace(self, R=-self.R, t=-self.t)
+
     def in_world_of(self, similarity: "Similarity") -> "Cameras":
         """The same cameras seen from a world that was shifted and scaled.
 
@@ -205,8 +220,11 @@ def write_cameras(path: Path | str, cameras: Cameras) -> None:
         part.write_text("[\n" + ",\n".join(json.dumps(row) for row in rows) + "\n]\n")
 
 
-def read_cameras(path: Path | str) -> Cameras:
+def read_cameras(path: Path | str, mirrors: bool = False) -> Cameras:
     """Read ``cameras.json``.
+
+    Args:
+        mirrors: whether R may be a reflection, as in a left-handed world
 
     Raises:
         InputError: the file is not such a list, a matrix has another shape or is not a rotation,
@@ -220,7 +238,7 @@ def read_cameras(path: Path | str) -> Cameras:
         raise InputError(
             f"{path}: should be a list of {{view, width, height, K, R, t}}, one for each photograph"
         )
-    cameras = [_parse_row(row, f"{path}: camera {i}") for i, row in enumerate(rows)]
+    cameras = [_parse_row(row, f"{path}: camera {i}", mirrors) for i, row in enumerate(rows)]
     views = [view for view, *_ in cameras]
     if twice := sorted({view for view in views if views.count(view) > 1}):
         raise InputError(f"{path}: view {twice[0]!r} comes twice; each view has one camera")
@@ -228,7 +246,9 @@ def read_cameras(path: Path | str) -> Cameras:
     return Cameras(tuple(views), *map(torch.stack, numbers), lenses)
 
 
-def _parse_row(row: object, where: str) -> tuple[str, Tensor, Tensor, Tensor, Tensor, Lens | None]:
+def _parse_row(
+    row: object, where: str, mirrors: bool
+) -> tuple[str, Tensor, Tensor, Tensor, Tensor, Lens | None]:
     """One camera of ``cameras.json``, checked: view, size, K, R, t, lens."""
     if not isinstance(row, dict):
         raise InputError(f"{where}: should be an object with view, width, height, K, R and t")
@@ -243,7 +263,7 @@ def _parse_row(row: object, where: str) -> tuple[str, Tensor, Tensor, Tensor, Te
     if size.min() < 1 or not torch.equal(size, size.round()):
         raise InputError(f"{where}: width and height should be 1, 2, ..., not {size.tolist()}")
     off = float((R @ R.mT - torch.eye(3, dtype=R.dtype)).abs().max())
-    if off > ROUNDING or R.det() < 0:
+    if off > ROUNDING or (R.det() < 0 and not mirrors):
         raise InputError(
             f"{where}: R should be a rotation (R R^T = 1 to within {ROUNDING:g}, det R = +1); "
             f"R R^T is off by {off:.2g}, det R = {R.det():.4g}"

@@ -25,6 +25,7 @@ from silmesh.errors import InputError
 VIDEO = "video"  # folder of what a video is cut into; no masks lie beside it
 PAGE = "results/report/report.html"
 RESULTS = ("mesh.glb", "mesh.obj", "metrics.json")
+FILE = "file"  # the source of cameras that a path follows
 BEFORE_CAMERAS = ("", "views", "fetch_weights", "silhouettes")  # other cameras do not mend these
 
 
@@ -76,6 +77,8 @@ def make_mesh(
     if page:
         copy(work.folder / PAGE, page)
     metrics = _read(work, variant)
+    if metrics["cameras"]["source"] == FILE:
+        _say(*(_as_written(warning, tries[0]) for warning in metrics["cameras"]["warnings"]))
     click.echo(describe(output, metrics))
     for doubt in find_doubts(metrics, work.folder / "results"):
         _say(f"doubtful: {doubt}")
@@ -127,7 +130,7 @@ def _try(
         try:
             variant = _run(work, runner, bar, silhouettes, cameras, options, besides)
         except RunError as error:
-            failure = RunError(work.restore(str(error)), error.step)
+            failure = RunError(_as_written(work.restore(str(error)), cameras), error.step)
             if error.step in BEFORE_CAMERAS:
                 break
         else:
@@ -138,7 +141,7 @@ def _try(
         if then:
             why = str(failure) if made is None else f"hull IoU {coherence:.2f}"
             bar.say(f"silmesh: cameras: {then} (not {cameras}: {why})")
-    if made is None and failure.step == "scene":
+    if made is None and failure.step == "scene" and not tries[-1].startswith(f"{FILE}:"):
         found = work.folder / "results" / work.object / "stages" / "silhouettes"
         raise RunError(f"{failure}\nsilmesh: {advise_on_cameras(found)}", failure.step)
     if made is None:
@@ -177,6 +180,12 @@ def _run(
         raise InputError(work.restore(str(error))) from error
     runner.run([*(work.result(variant, name) for name in RESULTS), *besides], bar)
     return variant
+
+
+def _as_written(said: str, cameras: str) -> str:
+    """A message with the path of a file of cameras as the person wrote it."""
+    kind, _, path = cameras.partition(":")
+    return said.replace(str(Path(path).absolute()), path) if kind == FILE else said
 
 
 def _read(work: Workspace, variant: str) -> dict[str, Any]:

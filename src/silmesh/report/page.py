@@ -19,6 +19,7 @@ import trimesh
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from PIL import Image
 
+from silmesh.cameras.camera import MIRROR
 from silmesh.report.budget import choose_views
 from silmesh.report.curves import describe_curve, table_of
 from silmesh.report.gallery import encode_webp
@@ -272,7 +273,8 @@ def _tell_truths(results: Mapping[str, Result]) -> list[int]:
 def _place_truth(result: Result) -> list[float]:
     """The matrix from the truth's world to the normalised one, a column after another, [16].
 
-    Metrics say how the mesh was laid on the truth, scale R X + t, if it was.
+    Metrics say how the mesh was laid on the truth, scale R X + t, if it was. The truth of a
+    left-handed world is mirrored first.
     """
     move = np.eye(4)
     if (laid := result.metrics.get("placement")) is not None:
@@ -281,7 +283,8 @@ def _place_truth(result: Result) -> list[float]:
     normalise = np.eye(4) * result.scene.told["scale"]
     normalise[:3, 3] = -result.scene.told["scale"] * np.array(result.scene.told["centre"])
     normalise[3, 3] = 1
-    return (normalise @ np.linalg.inv(move)).T.ravel().tolist()
+    mirror = np.diag([*MIRROR, 1.0]) if result.scene.told.get("mirrored") else np.eye(4)
+    return (normalise @ np.linalg.inv(move) @ mirror).T.ravel().tolist()
 
 
 def _name_curves(results: Mapping[str, Result]) -> dict[str, pd.DataFrame]:

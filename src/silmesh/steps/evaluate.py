@@ -6,10 +6,11 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import torch
 import trimesh
 
-from silmesh.cameras.camera import read_cameras
+from silmesh.cameras.camera import MIRROR, read_cameras
 from silmesh.evaluation import silhouette_iou, summarise_iou
 from silmesh.files import replacing
 from silmesh.meshes import read_mesh, to_tensors
@@ -60,12 +61,17 @@ def main(argv: Sequence[str] | None = None) -> None:
         "silhouettes": Path(os.path.relpath(folder, given.results)).as_posix(),
     }
     if given.truth:
-        metrics |= _compare(mesh, read_mesh(given.truth), given.align)
+        truth = read_mesh(given.truth)
+        if scene.get("mirrored"):  # as the world of the mesh is
+            truth.apply_transform(np.diag([*MIRROR, 1.0]))
+        metrics |= _compare(mesh, truth, given.align)
     metrics["cameras"] = {
         "source": scene["cameras"],
         "because": scene["cameras_because"],
         "attempts": scene["attempts"],
         "dropped": scene["dropped"],
+        "mirrored": scene.get("mirrored", False),
+        "warnings": scene["warnings"],
     }
     if given.first:
         metrics["first"] = json.loads(given.first.read_text())

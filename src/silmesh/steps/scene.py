@@ -1,5 +1,6 @@
 """Silhouettes and cameras: undistort, take the most coherent cameras, normalise the world."""
 
+import sys
 from argparse import Namespace
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -7,8 +8,9 @@ from pathlib import Path
 
 import torch
 
-from silmesh.agreement import COHERENT, Placed, choose, find_shown, place, refused_or
+from silmesh.agreement import COHERENT, Placed, choose, find_shown, refused_or
 from silmesh.cameras.attempt import Attempt, read_attempt
+from silmesh.conventions import settle
 from silmesh.errors import InputError, blaming
 from silmesh.hull import find_doubtful
 from silmesh.scene import SILHOUETTES, VIEWS, write_scene
@@ -46,6 +48,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         "doubtful": doubtful,
         "warnings": list(attempt.warnings),
         "figures": dict(attempt.figures),
+        "mirrored": attempt.mirrored,
         "lost": read_lost(given.silhouettes),
         "unreadable": [view.view for view in read_views(given.views) if view.unreadable],
         "frame": _around(frames.values()),
@@ -64,12 +67,15 @@ def main(argv: Sequence[str] | None = None) -> None:
         told,
         best.straightened,
     )
+    for warning in attempt.warnings[len(read_attempt(given.cameras[index]).warnings) :]:
+        print(f"silmesh: {warning}", file=sys.stderr)
     if len(attempts) > 1:
         print(f"{given.silhouettes}: cameras from {attempt.source} are taken. {why}")
     if best.mean < DOUBTFUL:
         blamed = f", to be doubted first: {', '.join(doubtful)}" if doubtful else ""
+        named = attempt.figures.get("file", given.cameras[index])
         print(
-            f"warning: {given.silhouettes} and {given.cameras[index]} hardly agree: hull IoU "
+            f"warning: {given.silhouettes} and {named} hardly agree: hull IoU "
             f"{best.mean:.2f}{blamed}. The fit will be poor unless the cameras (a turntable's "
             "distance, elevation and step) are those of the photographs"
         )
@@ -81,9 +87,9 @@ def _place(folder: Path, given: Namespace) -> tuple[Attempt, Placed | None]:
     if attempt.cameras is None:
         return attempt, None
     try:
-        with blaming(folder):
+        with blaming(attempt.figures.get("file", folder)):
             seen = read_silhouettes(given.silhouettes, attempt.cameras.views)
-            return attempt, place(attempt.cameras, seen, given.keep_world)
+            return settle(attempt, seen, given.keep_world)
     except InputError as error:
         return replace(attempt, refusal=str(error)), None
 

@@ -117,7 +117,7 @@ def test_middlebury(tmp_path):
     ("change", "message"),
     [
         (lambda row: row[:-1], r"camera 0 \(shot_1.png\): K, R and t: should be finite numbers"),
-        (lambda row: [*row[:5], "-690", *row[6:]], "should be positive: a negative one mirrors"),
+        (lambda row: [*row[:5], "0", *row[6:]], "has no inverse"),
         (lambda row: [*row[:4], "5", *row[5:]], "K should be upper triangular"),
         (lambda row: [*row[:10], *["0"] * 9, *row[19:]], "R should be a rotation"),
         (lambda row: [*row[:21], "nan"], "should be finite numbers"),
@@ -135,14 +135,39 @@ def test_a_par_file_that_lacks_cameras(tmp_path):
         attempt_from_file(path, views())
 
 
+@pytest.mark.parametrize("flips", [(1, 1), (-1, -1)])
+def test_a_par_file_with_negative_focal_lengths(tmp_path, flips):
+    """Those of both axes are a camera that is turned by 180 degrees about its own axis."""
+
+    def change(row):
+        numbers = np.array(row[1:], float)
+        numbers[[0, 4]] *= flips
+        numbers[9:15] *= flips[0]
+        numbers[18:20] *= flips[0]
+        return [row[0], *map(str, numbers)]
+
+    attempt = attempt_from_file(write_middlebury(tmp_path / "a_par.txt", change), views())
+    expected = [by_definition(GIVEN.K[i], GIVEN.R[i], GIVEN.t[i]) + 0.5 for i in range(4)]
+    assert_seen(attempt.cameras, np.stack(expected))
+
+
 @pytest.mark.parametrize("flip", [np.diag([1, -1, 1]), np.diag([-1, 1, 1])])
-def test_matrices_that_mirror_the_image_are_refused(tmp_path, flip):
+def test_matrices_that_mirror_the_image_are_left_to_the_silhouettes(tmp_path, flip):
+    """The object lies behind their cameras, as it does with matrices of a left-handed world."""
     shift = np.array(
         [[1, 0, WIDTH * (flip[0, 0] < 0)], [0, 1, HEIGHT * (flip[1, 1] < 0)], [0, 0, 1]]
     )
-    folder = write_texts(tmp_path / "p", shift @ flip @ P)
-    with pytest.raises(InputError, match=r"mirror: the point .* lies behind 4 of 4 of them"):
-        attempt_from_file(folder, views())
+    attempt = attempt_from_file(write_texts(tmp_path / "p", shift @ flip @ P), views())
+    assert attempt.signless
+    assert (attempt.cameras.depths(torch.tensor(POINTS)) < 0).all()
+
+
+def test_rotations_of_two_decimals_are_read(tmp_path):
+    def change(row):
+        return [*row[:10], *(f"{float(n):.2f}" for n in row[10:19]), *row[19:]]
+
+    found = attempt_from_file(write_middlebury(tmp_path / "a_par.txt", change), views()).cameras
+    np.testing.assert_allclose(found.R, GIVEN.R, atol=0.01)
 
 
 @pytest.mark.parametrize(

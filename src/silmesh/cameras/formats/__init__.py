@@ -9,7 +9,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from silmesh.cameras.attempt import Attempt
+from silmesh.cameras.attempt import (
+    CAMERA_TO_WORLD,
+    CAMERA_TO_WORLD_OPENGL,
+    WORLD_TO_CAMERA,
+    Attempt,
+)
 from silmesh.cameras.camera import Cameras, read_cameras
 from silmesh.cameras.formats import colmap, mat, meshroom, middlebury, nerf, npz, texts
 from silmesh.cameras.formats.matching import Rules, match
@@ -20,11 +25,15 @@ from silmesh.views import View
 
 
 class Format(NamedTuple):
-    """A format: what messages call it, its reader, and how its cameras belong to photographs."""
+    """A format: its name in messages, its reader, how its cameras belong to photographs, its poses.
+
+    A pose is ``written`` from world to camera or the other way, with the axes of its camera.
+    """
 
     name: str
     read: Callable[[Path, Sequence[View]], Cameras]
     rules: Rules = Rules()
+    written: str = WORLD_TO_CAMERA
 
 
 def _read_softras(path: Path, views: Sequence[View]) -> Cameras:
@@ -33,17 +42,29 @@ def _read_softras(path: Path, views: Sequence[View]) -> Cameras:
 
 FORMATS = {
     "colmap": Format("a COLMAP model", lambda path, views: colmap.read(path)),
-    "meshroom": Format("Meshroom's cameras.sfm", lambda path, views: meshroom.read(path)),
-    "nerf": Format("NeRF's transforms.json", nerf.read),
+    "meshroom": Format(
+        "Meshroom's cameras.sfm",
+        lambda path, views: meshroom.read(path),
+        written=CAMERA_TO_WORLD,
+    ),
+    "nerf": Format("NeRF's transforms.json", nerf.read, written=CAMERA_TO_WORLD_OPENGL),
     "silmesh": Format(
-        "silmesh's cameras.json", lambda path, views: read_cameras(path), Rules(working=True)
+        "silmesh's cameras.json",
+        lambda path, views: read_cameras(path, mirrors=True),
+        Rules(working=True),
     ),
-    "texts": Format("3x4 matrices in text files", lambda path, views: texts.read(path)),
+    "texts": Format(
+        "3x4 matrices in text files", lambda path, views: texts.read(path), Rules(signless=True)
+    ),
     "mat": Format(
-        "3x4 matrices in a .mat file", lambda path, views: mat.read(path), Rules(by_order=True)
+        "3x4 matrices in a .mat file",
+        lambda path, views: mat.read(path),
+        Rules(by_order=True, signless=True),
     ),
-    "npz": Format("matrices of IDR or NeuS", npz.read, Rules(by_order=True)),
-    "middlebury": Format("Middlebury's _par.txt", lambda path, views: middlebury.read(path)),
+    "npz": Format("matrices of IDR or NeuS", npz.read, Rules(by_order=True, signless=True)),
+    "middlebury": Format(
+        "Middlebury's _par.txt", lambda path, views: middlebury.read(path), Rules(signless=True)
+    ),
     "softras": Format("SoftRas's camera.npy", _read_softras, Rules(by_order=True, working=True)),
 }
 
@@ -83,5 +104,10 @@ def attempt_from_file(path: Path, views: Sequence[View]) -> Attempt:
     format_, located = recognise(path)
     cameras = format_.read(located.path, views)
     attempt = match(located.path, cameras, views, format_.rules)
-    figures = {"format": format_.name, "file": str(located.path), "cameras": len(cameras)}
+    figures = {
+        "format": format_.name,
+        "file": str(located.path),
+        "cameras": len(cameras),
+        "written": format_.written,
+    }
     return replace(attempt, figures=figures)

@@ -11,7 +11,7 @@ from pathlib import Path, PureWindowsPath
 import numpy as np
 import torch
 
-from silmesh.cameras.attempt import Attempt
+from silmesh.cameras.attempt import FILE, Attempt
 from silmesh.cameras.camera import Cameras
 from silmesh.errors import InputError
 from silmesh.views import View
@@ -27,25 +27,29 @@ class Rules:
     Attributes:
         by_order: they have no names, but are as many as the views and in their order
         working: they may be for the pixels of the working images
+        signless: they come of matrices whose sign is free
     """
 
     by_order: bool = False
     working: bool = False
+    signless: bool = False
 
 
 def match(path: Path, cameras: Cameras, views: Sequence[View], rules: Rules) -> Attempt:
-    """The cameras of these views, in pixels of the working images.
+    """The cameras of these views, in pixels of the working images and in a right-handed world.
 
     Raises:
-        InputError: too few views have a camera, or the cameras are for other pictures
+        InputError: too few views have a camera, the cameras are for other pictures, or some of
+            them mirror and others do not
     """
+    cameras, mirrored = right_handed(path, cameras)
     places = _by_order(path, cameras, views) if rules.by_order else _by_name(path, cameras, views)
     kept = [i for i, place in enumerate(places) if place is not None]
     dropped = {v.view: f"{path} has no camera for it" for i, v in enumerate(views) if i not in kept}
     warnings = _tell_dropped(path, dropped, len(views))
     views = [views[i] for i in kept]
     cameras = cameras.select([places[i] for i in kept])
-    _refuse_off_centre(path, cameras, views)
+    doubt = _doubt_centres(path, cameras, views)
     sizes = [tuple(size) for size in cameras.sizes.tolist()]
     warnings += _tell_scaled(path, sizes, views, rules.working)
     maps = [
@@ -55,7 +59,37 @@ def match(path: Path, cameras: Cameras, views: Sequence[View], rules: Rules) -> 
     working = torch.tensor([[view.size, view.size] for view in views])
     cameras = cameras.in_pixels_of(torch.tensor(np.stack(maps)), working)
     cameras = cameras.named([view.view for view in views])
-    return Attempt("file", cameras, dropped=dropped, warnings=tuple(warnings))
+    return Attempt(
+        FILE,
+        cameras,
+        dropped=dropped,
+        warnings=tuple(warnings),
+        mirrored=mirrored,
+        signless=rules.signless,
+        doubt=doubt,
+    )
+
+
+def right_handed(path: Path, cameras: Cameras) -> tuple[Cameras, bool]:
+    """The cameras in a right-handed world, and whether their own had to be mirrored for it.
+
+    Raises:
+        InputError: R mirrors in some of them only
+    """
+    mirrors = cameras.R.det() < 0
+    if not mirrors.any():
+        return cameras, False
+    if mirrors.all():
+        return cameras.in_mirrored_world(), True
+    rare = mirrors if mirrors.sum() * 2 <= len(cameras) else ~mirrors
+    which = [i for i, own in enumerate(rare.tolist()) if own]
+    told = "det R = -1, so it mirrors" if rare is mirrors else "det R = +1, so it does not mirror"
+    raise InputError(
+        f"{path}: frame or camera {which[0]} ({cameras.views[which[0]]}): {told}: one axis of the "
+        f"camera or of the world is negated in {len(which)} of {len(cameras)} cameras "
+        f"({_some([cameras.views[i] for i in which])}) and not in the others; all should see one "
+        "world"
+    )
 
 
 def _by_order(path: Path, cameras: Cameras, views: Sequence[View]) -> list[int | None]:
@@ -127,21 +161,24 @@ def _tell_scaled(
     ]
 
 
-def _refuse_off_centre(path: Path, cameras: Cameras, views: Sequence[View]) -> None:
-    """Refuse matrices of other pixels, which say no size: their axes leave the photographs."""
+def _doubt_centres(path: Path, cameras: Cameras, views: Sequence[View]) -> str | None:
+    """What speaks against matrices, which say no size, whose axes leave the photographs.
+
+    They may be of other pixels; or the photographs are parts of larger ones.
+    """
     centre = cameras.K[:, :2, 2]
     size = torch.tensor([[view.width, view.height] for view in views])
     unsaid = (cameras.sizes == 0).all(dim=1)
     outside = unsaid & ((centre < 0) | (centre > size)).any(dim=1)
-    if outside.sum() * 2 > len(views):
-        i = int(outside.int().argmax())
-        u, v = centre[i].tolist()
-        raise InputError(
-            f"{path}: the axes of {int(outside.sum())} of {len(views)} cameras pass their "
-            f"photographs by, at ({u:.0f}, {v:.0f}) where {views[i].view!r} has "
-            f"{views[i].width}x{views[i].height} pixels; the cameras should be for the "
-            "photographs' own pixels. If these were scaled or cropped since, give the original ones"
-        )
+    if outside.sum() * 2 <= len(views):
+        return None
+    i = int(outside.int().argmax())
+    u, v = centre[i].tolist()
+    return (
+        f"{path}: the axes of {int(outside.sum())} of {len(views)} cameras pass their "
+        f"photographs by, at ({u:.0f}, {v:.0f}) where {views[i].view!r} has "
+        f"{views[i].width}x{views[i].height} pixels"
+    )
 
 
 def _is_own(size: tuple[int, int], view: View, working: bool) -> bool:

@@ -1,6 +1,7 @@
 """Middlebury's ``_par.txt``: ``name k11 k12 ... k33 r11 ... r33 t1 t2 t3`` a line, after a count.
 
-P = K [R | t] in pixels whose centres lie at integers from the top left (Seitz et al. 2006).
+P = K [R | t] in pixels whose centres lie at integers from the top left (Seitz et al. 2006). It is
+taken as any P is: where K has negative focal lengths, other axes of the camera are the same.
 """
 
 from pathlib import Path
@@ -12,12 +13,12 @@ from silmesh.cameras.formats.parts import (
     UNSAID,
     Camera,
     gather,
-    intrinsics,
     nearest_rotation,
     numbers,
     read_lines,
     to_half,
 )
+from silmesh.cameras.formats.projection import decompose
 from silmesh.errors import InputError
 
 
@@ -39,7 +40,6 @@ def _parse(row: list[str], where: str) -> Camera:
     K, R, t = values[:9].reshape(3, 3), values[9:18].reshape(3, 3), values[18:]
     if np.abs([K[1, 0], *K[2, :2]]).max() > 0 or K[2, 2] == 0:
         raise InputError(f"{where} ({name}): K should be upper triangular, not {K.tolist()}")
-    K = K / K[2, 2]
     where = f"{where} ({name})"
-    K = intrinsics((K[0, 0], K[1, 1]), (K[0, 2], K[1, 2]), where, skew=K[0, 1])
-    return Camera(name, UNSAID, to_half(K), nearest_rotation(R, where), t)
+    K, R, t = decompose(K @ np.c_[nearest_rotation(R, where), t], where)
+    return Camera(name, UNSAID, to_half(K), R, t)

@@ -13,7 +13,7 @@ from silmesh.cameras.camera import Cameras
 from silmesh.cameras.lens import Lens
 from silmesh.errors import InputError
 
-SLOPPY = 1e-3  # by which R R^T of a file may differ from 1: single precision, four decimals
+SLOPPY = 0.02  # by which R R^T of a file may differ from 1: two decimals
 SKEW = 0.5  # pixels at the image's edge up to which a skew is left out of what is written
 UNSAID = (0, 0)  # width and height, where a file gives none: its pixels are the photograph's
 
@@ -26,7 +26,7 @@ class Camera:
         name: of its image, as the file writes it
         size: width and height that its pixels are of, or ``UNSAID``
         K: [3, 3], pixel centres at integer + 0.5
-        R: [3, 3], from world to camera
+        R: [3, 3], from world to camera; a reflection where the file's world is left-handed
         t: [3]
         lens: beyond K
     """
@@ -80,20 +80,19 @@ def to_half(matrix: np.ndarray) -> np.ndarray:
 
 
 def nearest_rotation(matrix: np.ndarray, where: str) -> np.ndarray:
-    """The rotation that a matrix is, up to rounding.
+    """The rotation, or in a left-handed world the reflection, that a matrix is, up to rounding.
 
     Raises:
-        InputError: it is none, or mirrors
+        InputError: it is none
     """
     if not np.isfinite(matrix).all():
         raise InputError(f"{where}: the pose should be finite numbers, not {matrix.tolist()}")
     off = float(np.abs(matrix @ matrix.T - np.eye(3)).max())
     det = float(np.linalg.det(matrix))
-    if off > SLOPPY or det < 0:
+    if off > SLOPPY:
         raise InputError(
             f"{where}: R should be a rotation (R R^T = 1 to within {SLOPPY:g}, det R = +1); "
             f"R R^T is off by {off:.2g}, det R = {det:.4g}"
-            + (", so it mirrors: one axis of the camera or of the world is negated" * (det < 0))
         )
     u, _, v = np.linalg.svd(matrix)
     return u @ v

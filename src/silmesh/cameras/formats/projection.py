@@ -1,8 +1,8 @@
 """Projection matrices P = K [R | t], with depth (u, v, 1) = P (X, 1): their cameras by RQ.
 
 P is known up to a factor, so its sign is free: it is taken such that det R = +1 with the diagonal
-of K positive (Hartley and Zisserman, section 6.2.4). What cannot be mended is a matrix that mirrors
-the image: then what the cameras look at comes out behind them.
+of K positive (Hartley and Zisserman, section 6.2.4). Of a left-handed world, or of mirrored pixels,
+what the cameras look at then comes out behind them: the silhouettes show it (``conventions``).
 """
 
 from collections.abc import Sequence
@@ -15,8 +15,6 @@ from silmesh.cameras.formats.parts import UNSAID, Camera
 from silmesh.errors import InputError
 
 SINGULAR = 1e-9  # of the matrix's scale, below which the left 3x3 has no inverse
-PARALLEL = 1e-3  # mean squared sine of the angles between axes, below which they meet nowhere
-MIRRORED = 0.5  # of the cameras with their middle behind them: the matrices mirror
 
 
 def decompose(P: np.ndarray, where: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -47,29 +45,10 @@ def cameras_of(matrices: Sequence[np.ndarray], names: Sequence[str], path: Path)
     """Cameras of matrices [3, 4] for pixel centres at integer + 0.5.
 
     Raises:
-        InputError: a matrix is no camera, or together they mirror
+        InputError: a matrix is no camera
     """
     cameras = []
     for P, name in zip(matrices, names, strict=True):
         K, R, t = decompose(P, f"{path}: {name}")
         cameras.append(Camera(name, UNSAID, K, R, t))
-    _refuse_mirrors(cameras, path)
     return cameras
-
-
-def _refuse_mirrors(cameras: Sequence[Camera], path: Path) -> None:
-    """Refuse cameras that turn their backs to the point where their axes meet."""
-    R, t = np.stack([c.R for c in cameras]), np.stack([c.t for c in cameras])
-    axes, centres = R[:, 2], -np.einsum("nji,nj->ni", R, t)
-    across = np.eye(3) - axes[:, :, None] * axes[:, None]
-    left = across.mean(axis=0)
-    if np.linalg.eigvalsh(left)[0] < PARALLEL:
-        return
-    middle = np.linalg.solve(left, np.einsum("nij,nj->i", across, centres) / len(cameras))
-    behind = int((((middle - centres) * axes).sum(axis=1) < 0).sum())
-    if behind > MIRRORED * len(cameras):
-        raise InputError(
-            f"{path}: the matrices mirror: the point that the cameras look at lies behind "
-            f"{behind} of {len(cameras)} of them, once det R = +1. Perhaps they count rows from "
-            "below; then replace the second row of each P by height * (third row) - (second row)"
-        )
