@@ -1,10 +1,12 @@
 """Which camera of a file belongs to which view, and its pixels: by name or order, size by size.
 
-A file's image names are matched to the views by their stems, whatever folders and endings they
-have. Views without a camera are dropped while enough are left; cameras without a view are not used.
+A file's image names are matched to the views by their stems, whatever endings they have, and
+whatever folders unless these tell equal names apart. Views without a camera are dropped while
+enough are left; cameras without a view are not used.
 """
 
-from collections.abc import Sequence
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PureWindowsPath
 
@@ -69,21 +71,88 @@ def _by_order(path: Path, cameras: Cameras, views: Sequence[View]) -> list[int |
 
 def _by_name(path: Path, cameras: Cameras, views: Sequence[View]) -> list[int | None]:
     """The position of each view's camera, or None."""
-    found: dict[str, list[int]] = {}
-    for i, name in enumerate(cameras.views):
-        file = PureWindowsPath(name)  # whose folders may be written in the manner of any system
-        for known in {file.name, file.stem}:
-            found.setdefault(known, []).append(i)
-    places = [found.get(view.view, []) for view in views]
+    places = find_places(cameras.views, views)
     for view, place in zip(views, places, strict=True):
         if len(place) > 1:
             names = ", ".join(repr(cameras.views[i]) for i in place[:SHOWN])
             raise InputError(
                 f"{path}: has {len(place)} cameras for the view {view.view!r}: {names}; names "
-                "should differ in more than their folder and ending"
+                "should differ in more than their folder and ending, or the folders be those of "
+                "the photographs"
             )
     _refuse_few(path, cameras, views, [place for place in places if place])
     return [place[0] if place else None for place in places]
+
+
+def find_places(names: Sequence[str], views: Sequence[View]) -> list[list[int]]:
+    """The positions of the names that may be each view's: one, unless folders do not tell."""
+    known: dict[str, list[int]] = {}
+    for i, name in enumerate(names):
+        file = PureWindowsPath(name)  # whose folders may be written in the manner of any system
+        for stem in {file.name, file.stem}:
+            known.setdefault(stem, []).append(i)
+    return [_find_places(names, known, view) for view in views]
+
+
+def _find_places(
+    names: Sequence[str], known: Mapping[str, Sequence[int]], view: View
+) -> list[int]:
+    files = _files_of(view)
+    stems = {view.view} | {file.stem for file in files}
+    found = sorted({i for stem in stems for i in known.get(stem, ())})
+    if len(found) < 2:
+        return found
+    shared = [max(_count_shared(names[i], file) for file in files) if files else 0 for i in found]
+    return [i for i, count in zip(found, shared, strict=True) if count == max(shared)]
+
+
+def _files_of(view: View) -> set[PureWindowsPath]:
+    """Where a view's photograph lies, as it was named and where links lead."""
+    if view.source.endswith(".npy"):  # of many photographs
+        return set()
+    return {PureWindowsPath(path) for path in (view.source, os.path.realpath(view.source))}
+
+
+def _count_shared(name: str, file: PureWindowsPath) -> int:
+    """How many folders above a file a camera's name has too."""
+    folders = zip(PureWindowsPath(name).parts[-2::-1], file.parts[-2::-1], strict=False)
+    same = [a == b for a, b in folders]
+    return (same + [False]).index(False)
+
+
+def find_size(name: str, views: Sequence[View]) -> tuple[int, int]:
+    """Width and height of the photograph of this name; the first's, if none has it."""
+    stems = {PureWindowsPath(name).name, PureWindowsPath(name).stem}
+    own = [v for v in views if stems & ({v.view} | {file.stem for file in _files_of(v)})]
+    best = max(own, key=lambda v: _most_shared(name, v)) if own else views[0]
+    return best.width, best.height
+
+
+def _most_shared(name: str, view: View) -> int:
+    return max((_count_shared(name, file) for file in _files_of(view)), default=0)
+
+
+def choose_world(
+    path: Path, worlds: Mapping[str, Cameras], views: Sequence[View]
+) -> tuple[Cameras, list[str]]:
+    """Of cameras in several worlds, which nothing joins, those of most photographs; what to say.
+
+    Args:
+        worlds: by what messages call them
+    """
+    counts = {name: _count_matched(cameras, views) for name, cameras in worlds.items()}
+    best = max(counts, key=counts.__getitem__)
+    if len(worlds) == 1:
+        return worlds[best], []
+    held = ", ".join(f"{name} {count}" for name, count in counts.items())
+    return worlds[best], [
+        f"{path}: holds {len(worlds)} reconstructions that do not join; of the {len(views)} "
+        f"photographs {held}. That of most is taken, {best}"
+    ]
+
+
+def _count_matched(cameras: Cameras, views: Sequence[View]) -> int:
+    return sum(bool(places) for places in find_places(cameras.views, views))
 
 
 def _refuse_few(path: Path, cameras: Cameras, views: Sequence[View], found: Sequence) -> None:
@@ -150,19 +219,25 @@ def _is_own(size: tuple[int, int], view: View, working: bool) -> bool:
     return size in known
 
 
+def is_scaled(size: tuple[int, int], other: tuple[int, int]) -> bool:
+    """Whether one scale takes a size to another, each side rounded up or down."""
+    if min(*size, *other) < 1:
+        return False
+    least = max((to - 1) / of for of, to in zip(size, other, strict=True))
+    most = min((to + 1) / of for of, to in zip(size, other, strict=True))
+    return least < most
+
+
 def _map_to_working(path: Path, size: tuple[int, int], view: View, working: bool) -> np.ndarray:
     """From the pixels that a camera is given in to those of the working image: [3, 3].
 
-    Photographs may have been scaled since, if the aspect is the same up to rounding.
+    Photographs may have been scaled since, if the aspect is the same up to rounding of both sides.
     """
     width, height = size
     if _is_own(size, view, working):
         as_working = size == (view.size, view.size) != (view.width, view.height)
         return np.eye(3) if as_working else view.pixel_map
-    if (
-        abs(height * view.width / width - view.height) < 1
-        or abs(width * view.height / height - view.width) < 1
-    ):
+    if is_scaled(size, (view.width, view.height)):
         return view.pixel_map @ np.diag([view.width / width, view.height / height, 1])
     raise InputError(
         f"{path}: the camera of view {view.view!r} is for {width}x{height} pixels, but its "
