@@ -37,9 +37,7 @@ POLYCAM = Unread(
     "convert it, `ns-process-data polycam --data CAPTURE.zip --output-dir OUT`, and give the "
     "transforms.json that this writes",
 )
-NERFIES = Unread(
-    "a camera of Nerfies or HyperNeRF", "give the COLMAP model that it was made from"
-)
+NERFIES = Unread("a camera of Nerfies or HyperNeRF", "give the COLMAP model that it was made from")
 RECORD3D = Unread(
     "Record3D's metadata",
     "convert it, `ns-process-data record3d --data FOLDER --output-dir OUT`, and give the "
@@ -69,7 +67,19 @@ ENDINGS = {
     ),
     ".xmp": Unread("a sidecar, as RealityCapture writes for each photograph", f"write {REALITY}"),
     **dict.fromkeys(
-        (".blend", ".fbx", ".dae", ".usd", ".usda", ".usdc", ".usdz", ".ma", ".mb", ".glb", ".gltf"),
+        (
+            ".blend",
+            ".fbx",
+            ".dae",
+            ".usd",
+            ".usda",
+            ".usdc",
+            ".usdz",
+            ".ma",
+            ".mb",
+            ".glb",
+            ".gltf",
+        ),
         Unread(
             "the scene of a 3D program",
             "write its cameras as NeRF's transforms.json (for Blender the add-on BlenderNeRF "

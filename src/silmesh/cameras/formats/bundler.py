@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from silmesh.cameras.camera import Cameras
-from silmesh.cameras.formats.matching import find_size
+from silmesh.cameras.formats.matching import Sizes
 from silmesh.cameras.formats.parts import (
     UNSAID,
     Camera,
@@ -47,12 +47,12 @@ def read(path: Path, views: Sequence[View]) -> Cameras:
         raise InputError(f"{path}: should begin with '{HEADER} v0.3'")
     count = _parse_count(rows, path)
     names = _read_names(path, count)
-    cameras = []
+    cameras, sizes = [], Sizes(views)
     for i, name in enumerate(names):
         lines = rows[2 + LINES * i : 2 + LINES * (i + 1)]
         values = numbers([line.split() for line in lines], (LINES, 3), f"{path}: camera {i}")
         if values[0, 0] != 0:
-            cameras.append(_parse(values, name, views, f"{path}: camera {i} ({name})"))
+            cameras.append(_parse(values, name, sizes, f"{path}: camera {i} ({name})"))
     if not cameras:
         raise InputError(f"{path}: none of its {count} cameras was found: all focal lengths are 0")
     return gather(cameras)
@@ -98,9 +98,9 @@ def _parse_name(line: str) -> str:
     return line.strip()
 
 
-def _parse(values: np.ndarray, name: str, views: Sequence[View], where: str) -> Camera:
+def _parse(values: np.ndarray, name: str, sizes: Sizes, where: str) -> Camera:
     focal, *radial = values[0].tolist()
-    width, height = find_size(name, views)
+    width, height = sizes.of(name)
     K = intrinsics((focal, focal), (width / 2, height / 2), where)
     R = FLIP @ nearest_rotation(values[1:4], where)
     return Camera(name, UNSAID, K, R, FLIP @ values[4], lens_of("RADIAL", radial))

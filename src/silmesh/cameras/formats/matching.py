@@ -8,6 +8,7 @@ enough are left; cameras without a view are not used.
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path, PureWindowsPath
 
 import numpy as np
@@ -94,42 +95,53 @@ def find_places(names: Sequence[str], views: Sequence[View]) -> list[list[int]]:
     return [_find_places(names, known, view) for view in views]
 
 
-def _find_places(
-    names: Sequence[str], known: Mapping[str, Sequence[int]], view: View
-) -> list[int]:
-    files = _files_of(view)
-    stems = {view.view} | {file.stem for file in files}
-    found = sorted({i for stem in stems for i in known.get(stem, ())})
+def _find_places(names: Sequence[str], known: Mapping[str, Sequence[int]], view: View) -> list[int]:
+    found = sorted({i for stem in _stems_of(view) for i in known.get(stem, ())})
     if len(found) < 2:
         return found
-    shared = [max(_count_shared(names[i], file) for file in files) if files else 0 for i in found]
+    shared = [_most_shared(names[i], view) for i in found]
     return [i for i, count in zip(found, shared, strict=True) if count == max(shared)]
 
 
-def _files_of(view: View) -> set[PureWindowsPath]:
+@cache
+def _files_of(source: str) -> frozenset[PureWindowsPath]:
     """Where a view's photograph lies, as it was named and where links lead."""
-    if view.source.endswith(".npy"):  # of many photographs
-        return set()
-    return {PureWindowsPath(path) for path in (view.source, os.path.realpath(view.source))}
+    if source.endswith(".npy"):  # of many photographs
+        return frozenset()
+    return frozenset(PureWindowsPath(path) for path in (source, os.path.realpath(source)))
 
 
 def _count_shared(name: str, file: PureWindowsPath) -> int:
     """How many folders above a file a camera's name has too."""
     folders = zip(PureWindowsPath(name).parts[-2::-1], file.parts[-2::-1], strict=False)
     same = [a == b for a, b in folders]
-    return (same + [False]).index(False)
+    return [*same, False].index(False)
 
 
-def find_size(name: str, views: Sequence[View]) -> tuple[int, int]:
-    """Width and height of the photograph of this name; the first's, if none has it."""
-    stems = {PureWindowsPath(name).name, PureWindowsPath(name).stem}
-    own = [v for v in views if stems & ({v.view} | {file.stem for file in _files_of(v)})]
-    best = max(own, key=lambda v: _most_shared(name, v)) if own else views[0]
-    return best.width, best.height
+class Sizes:
+    """Sizes of the photographs, for files that say none, by the names of their cameras."""
+
+    def __init__(self, views: Sequence[View]):
+        self.first = views[0]
+        self.known: dict[str, list[View]] = {}
+        for view in views:
+            for stem in _stems_of(view):
+                self.known.setdefault(stem, []).append(view)
+
+    def of(self, name: str) -> tuple[int, int]:
+        """Width and height of the photograph of this name; the first's, if none has it."""
+        file = PureWindowsPath(name)
+        own = self.known.get(file.stem, []) + self.known.get(file.name, [])
+        view = max(own, key=lambda v: _most_shared(name, v)) if own else self.first
+        return view.width, view.height
+
+
+def _stems_of(view: View) -> set[str]:
+    return {view.view} | {file.stem for file in _files_of(view.source)}
 
 
 def _most_shared(name: str, view: View) -> int:
-    return max((_count_shared(name, file) for file in _files_of(view)), default=0)
+    return max((_count_shared(name, file) for file in _files_of(view.source)), default=0)
 
 
 def choose_world(

@@ -30,7 +30,7 @@ from xml.parsers import expat
 import numpy as np
 
 from silmesh.cameras.camera import Cameras
-from silmesh.cameras.formats.matching import find_size, is_scaled
+from silmesh.cameras.formats.matching import Sizes, is_scaled
 from silmesh.cameras.formats.parts import Camera, gather, intrinsics, nearest_rotation, numbers
 from silmesh.cameras.lens import Lens, lens_of
 from silmesh.cameras.unread import recognise_root
@@ -83,11 +83,12 @@ def read(path: Path, views: Sequence[View]) -> dict[str, Cameras]:
             f"{path}: has no camera with a transform; should be what Metashape's File > Export > "
             "Export Cameras writes after the photographs were aligned"
         )
-    version = _parse_version(root, path)
+    version, sizes = _parse_version(root, path), Sizes(views)
     read: dict[str, Cameras] = {}
     for i, chunk in enumerate(chunks):
         prefix = f"chunk {chunk.get('label') or i}, " if len(chunks) > 1 else ""
-        read |= {prefix + name: found for name, found in _read(chunk, version, path, views).items()}
+        groups = _read(chunk, version, path, sizes)
+        read |= {prefix + name: found for name, found in groups.items()}
     return read
 
 
@@ -135,9 +136,7 @@ def _find_aligned(chunk: Element) -> list[Element]:
     ]
 
 
-def _read(
-    chunk: Element, version: tuple[int, int], path: Path, views: Sequence[View]
-) -> dict[str, Cameras]:
+def _read(chunk: Element, version: tuple[int, int], path: Path, sizes: Sizes) -> dict[str, Cameras]:
     elements = {sensor.get("id"): sensor for sensor in chunk.iterfind("sensors/sensor")}
     sensors: dict[str | None, Sensor] = {}
     transforms = _parse_transforms(chunk, path)
@@ -151,7 +150,7 @@ def _read(
             sensors[own] = _parse_sensor(elements[own], version, f"{path}: sensor {own!r}")
         transform = transforms.get(component, transforms[None])
         camera = _parse(element, sensors[own], transform, where)
-        groups.setdefault(component, []).append(_turn(camera, element, views, where))
+        groups.setdefault(component, []).append(_turn(camera, element, sizes, where))
     return {f"component {name or 0}": gather(cameras) for name, cameras in groups.items()}
 
 
@@ -187,9 +186,7 @@ def _parse(element: Element, sensor: Sensor, transform: Transform, where: str) -
     pose = numbers(words, (16,), f"{where}: transform").reshape(4, 4)
     R = nearest_rotation(pose[:3, :3], where).T @ transform.R.T
     centre = transform.scale * transform.R @ pose[:3, 3] + transform.shift
-    return Camera(
-        element.get("label") or "", sensor.size, sensor.K, R, -R @ centre, sensor.lens
-    )
+    return Camera(element.get("label") or "", sensor.size, sensor.K, R, -R @ centre, sensor.lens)
 
 
 def _parse_sensor(element: Element, version: tuple[int, int], where: str) -> Sensor:
@@ -210,7 +207,7 @@ def _parse_sensor(element: Element, version: tuple[int, int], where: str) -> Sen
     size = _parse_size(calibration.find("resolution"), element.find("resolution"), where)
     with blaming(where):
         lens = _parse_lens(value, kind, version)
-    return Sensor(size, _parse_K(value, size, version, where), lens)
+    return Sensor(size, _parse_matrix(value, size, version, where), lens)
 
 
 def _refuse_rolling(element: Element, where: str) -> None:
@@ -251,7 +248,7 @@ def _parse_size(own: Element | None, other: Element | None, where: str) -> tuple
     return int(width), int(height)
 
 
-def _parse_K(
+def _parse_matrix(
     value: Mapping[str, float], size: tuple[int, int], version: tuple[int, int], where: str
 ) -> np.ndarray:
     focal = value.get("f") or value.get("fy") or value.get("fx") or 0.0
@@ -277,9 +274,7 @@ def _is_centred(
     return bool(inside[1]) if inside[0] != inside[1] else centred
 
 
-def _parse_lens(
-    value: Mapping[str, float], kind: str, version: tuple[int, int]
-) -> Lens | None:
+def _parse_lens(value: Mapping[str, float], kind: str, version: tuple[int, int]) -> Lens | None:
     k1, k2, k3, k4, p1, p2 = (value.get(name, 0.0) for name in LENS)
     if version >= CENTRED:
         p1, p2 = p2, p1  # to OpenCV's order
@@ -288,7 +283,7 @@ def _parse_lens(
     return lens_of("BROWN", [k1, k2, k3, k4, p1, p2])
 
 
-def _turn(camera: Camera, element: Element, views: Sequence[View], where: str) -> Camera:
+def _turn(camera: Camera, element: Element, sizes: Sizes, where: str) -> Camera:
     """A camera of a file's pixels for the photograph as it is seen upright.
 
     Pixels are turned by a rotation A about the axis. Then K becomes A K A^T, what is seen turns
@@ -299,7 +294,7 @@ def _turn(camera: Camera, element: Element, views: Sequence[View], where: str) -
         raise InputError(f"{where}: orientation should be 1, 3, 6 or 8, not {word[:80]!r}")
     lying = word in ("6", "8")
     turned = camera.size[::-1] if lying else camera.size
-    seen = find_size(camera.name, views)
+    seen = sizes.of(camera.name)
     if word == "1" or (lying and not is_scaled(turned, seen) and is_scaled(camera.size, seen)):
         return camera  # the photograph was never turned
     if camera.K[0, 1]:
@@ -309,9 +304,7 @@ def _turn(camera: Camera, element: Element, views: Sequence[View], where: str) -
     K = around @ camera.K @ around.T
     K[:2, 2] = A @ (camera.K[:2, 2] - np.array(camera.size) / 2) + np.array(turned) / 2
     lens = _turn_lens(camera.lens, A)
-    return replace(
-        camera, size=turned, K=K, R=around @ camera.R, t=around @ camera.t, lens=lens
-    )
+    return replace(camera, size=turned, K=K, R=around @ camera.R, t=around @ camera.t, lens=lens)
 
 
 def _turn_lens(lens: Lens | None, A: np.ndarray) -> Lens | None:

@@ -7,9 +7,10 @@ Rz(-heading) Rx(pitch) Ry(roll), in degrees. f is for a sensor of 36 mm along th
 side; px, py are in parts of that side, from the middle. Distortion is Brown's, with t1 and t2 in
 the order that OpenCV calls p2 and p1. Newer versions write yaw, f_35mm, px_norm and py_norm.
 
-These are the formulas of the program's own export templates (``$(f*36)``, ``$(px*scale+width*0.5)``,
-OpenCV's ``k1,k2,t2,t1,k3,k4``), and of the importers of nerfstudio and others. What the file does
-not say is whether k1 alone is Brown's or of the division model, so that is refused.
+These are the formulas of the program's own export templates (``$(f*36)``, OpenCV's
+``$(px*scale+width*0.5)`` and ``k1,k2,t2,t1,k3,k4``), and of the importers of nerfstudio and others.
+What the file does not say is whether k1 alone is Brown's or of the division model, so that is
+refused.
 """
 
 import csv
@@ -20,7 +21,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from silmesh.cameras.camera import Cameras
-from silmesh.cameras.formats.matching import find_size
+from silmesh.cameras.formats.matching import Sizes
 from silmesh.cameras.formats.parts import UNSAID, Camera, gather, intrinsics, numbers, read_lines
 from silmesh.cameras.lens import Lens, lens_of
 from silmesh.errors import InputError, blaming
@@ -46,11 +47,10 @@ def read(path: Path, views: Sequence[View]) -> Cameras:
     header = _parse_header(rows[0] if rows else [], path)
     if len(rows) < 2:
         raise InputError(f"{path}: holds no camera")
-    return gather([_parse(header, row, views, f"{path}: line {i}") for i, row in _count(rows)])
-
-
-def _count(rows: Sequence[list[str]]) -> list[tuple[int, list[str]]]:
-    return list(enumerate(rows, start=1))[1:]
+    sizes = Sizes(views)
+    return gather(
+        [_parse(header, row, sizes, f"{path}: row {i}") for i, row in enumerate(rows[1:])]
+    )
 
 
 def _parse_header(words: Sequence[str], path: Path) -> list[str]:
@@ -68,7 +68,7 @@ def _parse_header(words: Sequence[str], path: Path) -> list[str]:
     return header
 
 
-def _parse(header: Sequence[str], row: list[str], views: Sequence[View], where: str) -> Camera:
+def _parse(header: Sequence[str], row: list[str], sizes: Sizes, where: str) -> Camera:
     if len(row) != len(header):
         raise InputError(f"{where}: has {len(row)} fields; should have {len(header)}")
     fields = dict(zip(header, row, strict=True))
@@ -76,7 +76,7 @@ def _parse(header: Sequence[str], row: list[str], views: Sequence[View], where: 
     where = f"{where} ({name})"
     value = dict.fromkeys(OPTIONAL, 0.0)
     value |= {key: float(numbers(word, (), f"{where}: {key}")) for key, word in fields.items()}
-    size = np.array(find_size(name, views))
+    size = np.array(sizes.of(name))
     longer = float(size.max())
     centre = size / 2 + longer * np.array([value["px"], value["py"]])
     K = intrinsics((value["f"] * longer / SENSOR,) * 2, tuple(centre), where)
