@@ -165,10 +165,14 @@ def _is_points(row: str) -> bool:
     )
 
 
+def _is_id(word: str) -> bool:
+    return re.fullmatch(r"\d{1,19}", word) is not None
+
+
 def _is_pose(row: str) -> bool:
     """Whether a line begins as an image's does, with a quaternion that is a rotation."""
     words = row.split(maxsplit=9)
-    if len(words) != 10 or not words[0].isdecimal() or not words[8].isdecimal():
+    if len(words) != 10 or not _is_id(words[0]) or not _is_id(words[8]):
         return False
     quaternion = np.array([float(word) for word in words[1:5]])
     return bool(abs(np.linalg.norm(quaternion) - 1) < UNIT)
@@ -178,8 +182,8 @@ def _parse_image(row: str, path: Path, as_points: bool) -> tuple[int, np.ndarray
     parts = row.split(maxsplit=9)
     if (
         len(parts) != 10
-        or not parts[0].isdecimal()
-        or not parts[8].isdecimal()
+        or not _is_id(parts[0])
+        or not _is_id(parts[8])
         or (as_points and not _is_pose(row))
     ):
         raise InputError(

@@ -232,11 +232,12 @@ def _is_own(size: tuple[int, int], view: View, working: bool) -> bool:
 
 
 def is_scaled(size: tuple[int, int], other: tuple[int, int]) -> bool:
-    """Whether one scale takes a size to another, each side rounded up or down."""
-    if min(*size, *other) < 1:
+    """Whether the smaller of two sizes is the larger, scaled, each side rounded up or down."""
+    small, large = sorted((size, other))
+    if min(*small, *large) < 1:
         return False
-    least = max((to - 1) / of for of, to in zip(size, other, strict=True))
-    most = min((to + 1) / of for of, to in zip(size, other, strict=True))
+    least = max((to - 1) / of for of, to in zip(large, small, strict=True))
+    most = min((to + 1) / of for of, to in zip(large, small, strict=True))
     return least < most
 
 
