@@ -14,9 +14,12 @@ COLMAP's camera models, which are OpenCV's; with r^2 = x^2 + y^2, or theta^2 in 
     FOV          (x, y) atan(2 r tan(omega / 2)) / (r omega)
 """
 
-from collections.abc import Sequence
+import re
+import reprlib
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -38,6 +41,13 @@ CURVED = {  # the parameters beyond K
 }
 PARAMETERS = CURVED | {"BROWN": ("k1", "k2", "k3", "k4", "p1", "p2")}
 NAMES = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "s1", "s2", "omega")
+STRANGE = re.compile(  # names of what a file may say of lenses, shutters and projections
+    r"[kpsb]\d+|xi|omega|alpha|lens|lens_(mode|model|type)|shift_[xy]|camera_type|projection"
+    r"|dist_?co.*|transform_matrix_(start|end)"
+    r"|.*(distort|fisheye|theta|shutter|ortho|equirect|latlong|panoram|spherical|cylind|skew).*",
+    re.IGNORECASE,
+)
+STRAIGHT = {"pinhole", "perspective", "persp", "opencv", "none", "linear"}  # words for no lens
 SAMPLES = 2000  # of a model's radius, to find where it turns back
 WIDEST = 20.0  # normalised radius up to which a model is looked at: 87 degrees from the axis
 STEPS, CLOSE = 30, 1e-9  # of Newton's method; a residual that is small enough
@@ -170,3 +180,31 @@ def lens_of(model: str, parameters: Sequence[float]) -> Lens | None:
         return None
     lens = Lens(model, tuple(float(p) for p in parameters))
     return lens if lens.bends else None
+
+
+def refuse_strange(fields: Mapping[str, Any], known: Collection[str]) -> None:
+    """Refuse what a file says of a camera's lens, shutter or projection that is not read.
+
+    Zeros, nothing, and words for a pinhole are let pass, and a focal length that is called lens.
+
+    Raises:
+        InputError: a field beside the known ones says something
+    """
+    for key, value in fields.items():
+        if key in known or not STRANGE.fullmatch(key) or _says_nothing(value):
+            continue
+        if key.lower() == "lens" and isinstance(value, int | float):
+            continue
+        raise InputError(
+            f"{key} = {reprlib.repr(value)} says that the camera has a lens, a shutter or a "
+            "projection that is not read; undistort the photographs, by the program that found "
+            "the cameras, and give its new images and cameras"
+        )
+
+
+def _says_nothing(value: Any) -> bool:
+    if isinstance(value, list):
+        return not any(value)
+    if isinstance(value, str):
+        return value.lower() in STRAIGHT or not value
+    return not value

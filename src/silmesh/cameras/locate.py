@@ -79,19 +79,23 @@ def locate(path: Path) -> Located:
     Raises:
         InputError: it is not there, or holds none that are known
     """
+    try:
+        return _locate(path)
+    except OSError as error:  # a name too long, a folder without permission
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+
+
+def _locate(path: Path) -> Located:
     if path.is_file():
         if path.stem not in COLMAP or path.suffix not in (".txt", ".bin"):
             return _locate_file(path)
         path = path.parent
     if not path.is_dir():
         raise InputError(f"{path}: is not there")
-    try:
-        if found := _find_within(path):
-            return found
-        if unread := find_within(path):
-            raise InputError(f"{unread[0]}: {unread[1]}")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    if found := _find_within(path):
+        return found
+    if unread := find_within(path):
+        raise InputError(f"{unread[0]}: {unread[1]}")
     raise InputError(f"{path}: holds no cameras; known are {KNOWN}")
 
 
@@ -144,11 +148,8 @@ def _count_columns(path: Path) -> int | None:
 
 
 def _read_beginning(path: Path) -> bytes:
-    try:
-        with open(path, "rb") as file:
-            return file.read(BEGINNING)
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+    with open(path, "rb") as file:
+        return file.read(BEGINNING)
 
 
 def _find_within(folder: Path) -> Located | None:

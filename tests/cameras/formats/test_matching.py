@@ -48,6 +48,19 @@ def test_cameras_of_working_images_stay(tmp_path):
     assert attempt.warnings == ()
 
 
+def test_a_lens_under_another_name_is_not_left_out(tmp_path):
+    file = write(tmp_path, distortion=[0.1, 0, 0, 0])
+    with pytest.raises(InputError, match=r"camera 0 \(shot_1\): distortion = .* is not read"):
+        attempt_from_file(file, views())
+    assert len(attempt_from_file(write(tmp_path, distortion=[0, 0]), views()).cameras) == 4
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "x\0y", "no/where"])
+def test_a_path_that_cannot_be(tmp_path, name):
+    with pytest.raises(InputError):
+        locate(tmp_path / name)
+
+
 def test_softras_npy_is_by_order(tmp_path):
     np.save(tmp_path / "camera.npy", np.array([[2.732, 0, 0], [2.732, 0, 90]]))
     found = attempt_from_file(tmp_path, views()[:2]).cameras

@@ -228,16 +228,21 @@ def test_pixels_are_the_photographs_where_nothing_tells_otherwise(tmp_path, shar
         ({"camera_model": "FISHEYE624"}, "camera model 'FISHEYE624' cannot be read"),
         ({"camera_model": "EQUIRECTANGULAR"}, "camera model 'EQUIRECTANGULAR' cannot be read"),
         ({"camera_model": "ORTHOPHOTO"}, "camera model 'ORTHOPHOTO' cannot be read"),
-        ({"distortion_params": [0.1, 0, 0]}, "distortion_params = .* is of no lens that is read"),
-        ({"ftheta_p0": 0.3}, "ftheta_p0 = '0.3'"),
-        ({"equirectangular": True}, "equirectangular = 'True'"),
+        (
+            {"distortion_params": [0.1, 0, 0]},
+            r"distortion_params = .* has a lens, a shutter or a projection",
+        ),
+        ({"ftheta_p0": 0.3}, "ftheta_p0 = 0.3"),
+        ({"equirectangular": True}, "equirectangular = True"),
         ({"rolling_shutter": [0, 0.1, 0]}, "rolling_shutter"),
+        ({"lens": "fisheye"}, "lens = 'fisheye'"),
         ({"lens_mode": "ftheta"}, "lens_mode = 'ftheta'"),
         ({"camera_type": "ORTHO"}, "camera_type"),
         ({"ortho_scale": 2}, "ortho_scale"),
+        ({"distortion_params": [[[0.1]]] * 2}, "distortion_params = "),
         ({"shift_x": 0.1}, "shift_x"),
-        ({"k7": 0.1}, "k7 = '0.1'"),
-        ({"b1": 0.1}, "b1 = '0.1'"),
+        ({"k7": 0.1}, "k7 = 0.1"),
+        ({"b1": 0.1}, "b1 = 0.1"),
         ({"k5": 0.1}, "a lens OPENCV has no k5"),
         ({"omega": 0.5}, "a lens OPENCV has no omega"),
     ],
@@ -254,7 +259,12 @@ def test_what_says_nothing_of_a_lens_is_let_pass(tmp_path):
     shared = {"fl_x": 700, "camera_model": "PINHOLE", "is_fisheye": False, "k3": 0, "k4": 0}
     shared |= {"distortion_params": [0, 0.0], "rolling_shutter": [0, 0, 0], "lens_mode": "pinhole"}
     shared |= {"applied_transform": [[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, -1, 0]], "aabb_scale": 16}
-    shared |= {"ply_file_path": "a.ply", "sharpness": 3, "orientation_override": "none"}
+    shared |= {
+        "ply_file_path": "a.ply",
+        "sharpness": 3,
+        "lens": 35.0,
+        "orientation_override": "none",
+    }
     assert attempt_from_file(write(tmp_path, shared), views()).cameras.lenses == (None,) * 4
 
 

@@ -14,7 +14,6 @@ synthetic scenes do: their frames are read together, and told apart by the folde
 
 import json
 import math
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -33,7 +32,7 @@ from silmesh.cameras.formats.parts import (
     read_json,
     refuse_skew,
 )
-from silmesh.cameras.lens import CURVED, PLAIN, Lens, lens_of
+from silmesh.cameras.lens import CURVED, PLAIN, Lens, lens_of, refuse_strange
 from silmesh.cameras.locate import SPLITS
 from silmesh.errors import InputError, blaming
 from silmesh.files import replacing
@@ -45,13 +44,6 @@ SAME = 0.02  # by which a width that is told may differ from the photograph's ow
 NEEDED = ("file_path", "transform_matrix")  # of each frame
 LENS = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "s1", "s2", "omega")
 USUAL = (*PLAIN, "PERSPECTIVE", "SIMPLE_RADIAL", "RADIAL", "OPENCV")  # OpenCV's k1 k2 p1 p2 k3
-STRANGE = re.compile(  # keys of lenses, shutters and projections; a value of nothing is let pass
-    r"[kpsb]\d+|xi|omega|alpha|lens_(mode|model|type)|lens|shift_[xy]|camera_type|projection"
-    r"|.*(distort|fisheye|theta|shutter|ortho|equirect|latlong|panoram|spherical|cylind|skew).*"
-    r"|transform_matrix_(start|end)",
-    re.IGNORECASE,
-)
-STRAIGHT = {"pinhole", "perspective", "persp", "opencv", "none", "linear"}  # what words may say
 KEPT = (*PLAIN, "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE")  # that are written
 
 
@@ -81,7 +73,8 @@ def _read_file(path: Path, sizes: Sizes) -> list[Camera]:
 
 
 def _parse(frame: Mapping[str, Any], where: str, sizes: Sizes) -> Camera:
-    _refuse_strange(frame, where)
+    with blaming(where):
+        refuse_strange(frame, (*LENS, "is_fisheye"))
     for key in NEEDED:
         if key not in frame:
             raise InputError(f"{where}: {key!r} is missing")
@@ -97,27 +90,6 @@ def _parse(frame: Mapping[str, Any], where: str, sizes: Sizes) -> Camera:
     with blaming(where):
         lens = _parse_lens(frame, where)
     return Camera(name, size, K, R, -R @ pose[:, 3], lens)
-
-
-def _refuse_strange(frame: Mapping[str, Any], where: str) -> None:
-    """Refuse what a frame says of a lens, a shutter or a projection that is not read."""
-    for key, value in frame.items():
-        if key in (*LENS, "is_fisheye") or not STRANGE.fullmatch(key) or _says_nothing(value):
-            continue
-        raise InputError(
-            f"{where}: {key} = {str(value)[:80]!r} says that the photograph is of no lens that is "
-            f"read ({', '.join((*USUAL, 'OPENCV_FISHEYE'))}); undistort the photographs, by the "
-            "program that found the cameras, and give its new images and cameras"
-        )
-
-
-def _says_nothing(value: Any) -> bool:
-    """Whether a value is zero, empty, or a word for a pinhole."""
-    if isinstance(value, list):
-        return all(_says_nothing(v) for v in value)
-    if isinstance(value, str):
-        return value.lower() in STRAIGHT or not value
-    return not value
 
 
 def _parse_size(frame: Mapping[str, Any], own: tuple[int, int], where: str) -> tuple[int, int]:
