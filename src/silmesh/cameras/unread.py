@@ -114,16 +114,18 @@ ENDINGS = {
         ),
     ),
 }
-WITHIN = (  # patterns in a folder, before those of the endings: what such a file is
-    ("reconstruction.json", OPENSFM),
-    ("opensfm/reconstruction.json", OPENSFM),
-    ("sfm_data.json", OPENMVG),
-    ("keyframes/corrected_cameras/*.json", POLYCAM),
-    ("keyframes/cameras/*.json", POLYCAM),
-    ("corrected_cameras/*.json", POLYCAM),
-    ("cameras/*.json", POLYCAM),
-    ("metadata.json", RECORD3D),
+WITHIN = (  # patterns in a folder, and what such a file holds near its beginning: what it is
+    ("reconstruction.json", b"", OPENSFM),
+    ("opensfm/reconstruction.json", b"", OPENSFM),
+    ("sfm_data.json", b"", OPENMVG),
+    ("keyframes/corrected_cameras/*.json", b"", POLYCAM),
+    ("keyframes/cameras/*.json", b"", POLYCAM),
+    ("corrected_cameras/*.json", b'"t_0', POLYCAM),
+    ("cameras/*.json", b'"t_0', POLYCAM),
+    ("*.json", b'"t_0', POLYCAM),
+    ("camera/*.json", b"focal_length", NERFIES),
 )
+BEGINNING = 4096  # bytes of a file that are looked at
 ROOTS = {  # of XML: the name of its outermost element
     "BlocksExchange": Unread(
         "ContextCapture's blocks (BlocksExchange)",
@@ -181,10 +183,16 @@ def recognise_file(path: Path) -> Unread | None:
 
 def find_within(folder: Path) -> tuple[Path, Unread] | None:
     """The first file or folder in a folder that is known and not read, and what it is."""
-    for pattern, unread in WITHIN:
-        for found in sorted(folder.glob(pattern)):
-            return found if "/" not in pattern else found.parent, unread
+    for pattern, marker, unread in WITHIN:
+        for found in sorted(folder.glob(pattern))[:1]:
+            if not marker or marker in _read_beginning(found):
+                return found.parent if "*" in pattern else found, unread
     for file in sorted(folder.iterdir()):
         if unread := recognise_file(file):
             return file, unread
     return None
+
+
+def _read_beginning(path: Path) -> bytes:
+    with open(path, "rb") as file:
+        return file.read(BEGINNING)

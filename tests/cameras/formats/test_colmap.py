@@ -220,6 +220,7 @@ def test_a_truncated_model(made, tmp_path, name, cut):
 @pytest.mark.parametrize(
     ("file", "old", "new", "message"),
     [
+        ("cameras.txt", "OPENCV 640", "EQUIRECTANGULAR 640", "'EQUIRECTANGULAR' cannot be read"),
         ("cameras.txt", "OPENCV", "EUCM", "camera 3.*camera model 'EUCM' cannot be read"),
         ("cameras.txt", "700 690 331 228\n", "nan 690 331 228\n", "camera 1: should be finite"),
         ("cameras.txt", "700 690 331 228\n", "700 -690 331 228\n", "should be positive: a negat"),
@@ -233,6 +234,16 @@ def test_a_wrong_model_is_named(made, tmp_path, file, old, new, message):
     assert text.count(old) == 1, text
     (tmp_path / file).write_text(text.replace(old, new))
     with pytest.raises(InputError, match=message):
+        attempt_from_file(tmp_path, views())
+
+
+def test_a_lens_of_a_binary_model_is_named(made, tmp_path):
+    made.write_binary(tmp_path)
+    file = tmp_path / "cameras.bin"
+    data = bytearray(file.read_bytes())
+    data[12:16] = (17).to_bytes(4, "little")  # after their count and the first one's number
+    file.write_bytes(data)
+    with pytest.raises(InputError, match="camera model EQUIRECTANGULAR cannot be read; known"):
         attempt_from_file(tmp_path, views())
 
 

@@ -10,6 +10,7 @@ from silmesh.cameras.locate import locate
 from silmesh.errors import InputError
 
 POLYCAM = {f"t_{i}{j}": 0.0 for i in range(3) for j in range(4)} | {"fx": 1, "width": 2}
+NERFIES = {"orientation": [], "position": [], "focal_length": 1}
 OPENSFM = [{"cameras": {}, "shots": {}, "points": {}}]
 OPENMVG = {"sfm_data_version": "0.3", "views": [], "intrinsics": [], "extrinsics": []}
 SPLATS = [{"id": 0, "img_name": "a", "position": [0, 0, 0], "rotation": [], "fx": 1}]
@@ -42,6 +43,8 @@ def test_a_file_by_its_name(tmp_path, name, message, folder):
         ("reconstruction.json", OPENSFM, "is OpenSfM's .* export_colmap"),
         ("sfm_data.json", OPENMVG, "is openMVG's sfm_data, .*openMVG_main_openMVG2Colmap"),
         ("cameras.json", SPLATS, "Gaussian splatting writes .*sparse/0"),
+        ("cameras/1.json", POLYCAM, "is a Polycam capture"),
+        ("camera/1.json", NERFIES, "is a camera of Nerfies"),
         ("keyframes/cameras/1.json", POLYCAM, "is a Polycam capture, .*ns-process-data polycam"),
     ],
 )
@@ -54,6 +57,13 @@ def test_json_by_its_content_and_its_place(tmp_path, place, content, message):
     with pytest.raises(InputError, match=message) as error:
         attempt_from_file(tmp_path, views())
     assert str(error.value).startswith(f"{file.parent if '/' in place else file}: is ")
+
+
+def test_a_folder_of_cameras_of_another_kind_is_not_polycams(tmp_path):
+    (tmp_path / "cameras").mkdir()
+    (tmp_path / "cameras" / "1.json").write_text("{}")
+    with pytest.raises(InputError, match="holds no cameras; known are"):
+        attempt_from_file(tmp_path, views())
 
 
 def test_what_is_read_goes_before_what_is_not(tmp_path):

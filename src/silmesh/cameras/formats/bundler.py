@@ -8,7 +8,7 @@
 
 A point is at P = R X + t with x right, y up and the camera looking along -z, so R and t are ours
 times diag(1, -1, -1); its pixel is f (1 + k1 r^2 + k2 r^4) (-P_xy / P_z), r = |P_xy / P_z|, from
-the image's middle. A focal length of 0 says that there is no camera. Names are those of the list of
+the image's middle. A focal length of 0, or an R of zeros, says that there is no camera. Names are those of the list of
 photographs that Bundler is given, ``list.txt``: one a line, before its other words.
 
 https://www.cs.cornell.edu/~snavely/bundler/bundler-v0.4-manual.html
@@ -51,7 +51,7 @@ def read(path: Path, views: Sequence[View]) -> Cameras:
     for i, name in enumerate(names):
         lines = rows[2 + LINES * i : 2 + LINES * (i + 1)]
         values = numbers([line.split() for line in lines], (LINES, 3), f"{path}: camera {i}")
-        if values[0, 0] != 0:
+        if values[0, 0] != 0 and values[1:4].any():
             cameras.append(_parse(values, name, sizes, f"{path}: camera {i} ({name})"))
     if not cameras:
         raise InputError(f"{path}: none of its {count} cameras was found: all focal lengths are 0")

@@ -44,6 +44,13 @@ MODELS = {  # by their number in a binary model
     14: "SIMPLE_FISHEYE",
     15: "FISHEYE",
 }
+OTHER_MODELS = {  # that are not read
+    11: "RAD_TAN_THIN_PRISM_FISHEYE",
+    12: "SIMPLE_DIVISION",
+    13: "DIVISION",
+    16: "EUCM",
+    17: "EQUIRECTANGULAR",
+}
 ONE_FOCAL = {  # f, cx, cy; the others have fx, fy, cx, cy
     *("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"),
     *("SIMPLE_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE"),
@@ -68,11 +75,11 @@ def split(model: str, parameters: Sequence[float], where: str) -> tuple[np.ndarr
         InputError: the model is unknown, or has another number of parameters
     """
     count = 3 if model in ONE_FOCAL else 4
-    if len(parameters) < count:
+    if len(parameters) < count and model in (*PLAIN, *CURVED):
         raise InputError(f"{where}: {model} has {len(parameters)} parameters, which are too few")
-    cx, cy = parameters[count - 2 : count]
     with blaming(where):
         lens = lens_of(model, parameters[count:])
+    cx, cy = parameters[count - 2 : count]
     return intrinsics((parameters[0], parameters[count - 3]), (cx, cy), where), lens
 
 
@@ -238,7 +245,7 @@ def _cameras_binary(path: Path) -> Iterator[tuple[int, Intrinsics]]:
         where = f"{path}: camera {number}"
         if kind not in MODELS:
             raise InputError(
-                f"{where}: camera model number {kind} cannot be read; known are "
+                f"{where}: camera model {OTHER_MODELS.get(kind, kind)} cannot be read; known are "
                 f"{', '.join(MODELS.values())}"
             )
         model = MODELS[kind]
