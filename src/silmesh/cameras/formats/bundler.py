@@ -8,8 +8,9 @@
 
 A point is at P = R X + t with x right, y up and the camera looking along -z, so R and t are ours
 times diag(1, -1, -1); its pixel is f (1 + k1 r^2 + k2 r^4) (-P_xy / P_z), r = |P_xy / P_z|, from
-the image's middle. A focal length of 0, or an R of zeros, says that there is no camera. Names are those of the list of
-photographs that Bundler is given, ``list.txt``: one a line, before its other words.
+the image's middle. A focal length of 0, or an R of zeros, says that there is no camera. Names are
+those of the list of photographs that Bundler is given, ``list.txt``: one a line, before its other
+words.
 
 https://www.cs.cornell.edu/~snavely/bundler/bundler-v0.4-manual.html
 """
