@@ -186,7 +186,9 @@ class Run:
 
         A turntable's distances and SoftRas's are in units in which the object has about size 1.
         """
-        return self.cameras == "turntable" or self.cameras.endswith(".npy")
+        if self.camera_file is None:
+            return self.cameras == "turntable"
+        return locate(self.camera_file).kind == "softras"
 
     @property
     def estimates_cameras(self) -> bool:

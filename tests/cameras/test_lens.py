@@ -7,7 +7,7 @@ import PIL.Image  # noqa: F401, before pycolmap
 import pycolmap
 import pytest
 
-from silmesh.cameras.lens import CURVED, Lens, lens_of
+from silmesh.cameras.lens import CURVED, PARAMETERS, Lens, lens_of
 from silmesh.errors import InputError
 
 POINTS = np.random.default_rng(0).uniform(-0.6, 0.6, (200, 2))
@@ -15,7 +15,7 @@ MILD = {"SIMPLE_FISHEYE": [], "FISHEYE": [], "FOV": [0.7]}
 
 
 def parameters(model: str) -> list[float]:
-    drawn = np.random.default_rng(len(model)).uniform(-0.05, 0.05, len(CURVED[model]))
+    drawn = np.random.default_rng(len(model)).uniform(-0.05, 0.05, len(PARAMETERS[model]))
     return MILD.get(model, drawn.tolist())
 
 
@@ -31,7 +31,14 @@ def test_a_model_is_colmaps(model):
     np.testing.assert_allclose(moved, expected, atol=1e-12)
 
 
-@pytest.mark.parametrize("model", CURVED)
+def test_browns_has_four_terms():
+    """At (0.5, 0), with r^2 = 1/4, term by term."""
+    moved = Lens("BROWN", (0.4, 0.16, 0.64, 2.56, 0.1, 0.2)).distort(np.array([[0.5, 0.0]]))
+    x = 0.5 * (1 + 0.1 + 0.01 + 0.01 + 0.01) + 0.2 * (0.25 + 2 * 0.25)
+    np.testing.assert_allclose(moved, [[x, 0.1 * 0.25]])
+
+
+@pytest.mark.parametrize("model", PARAMETERS)
 def test_undistort_is_the_inverse(model):
     lens = Lens(model, tuple(parameters(model)))
     np.testing.assert_allclose(lens.undistort(lens.distort(POINTS)), POINTS, atol=1e-7)

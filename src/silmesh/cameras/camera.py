@@ -27,7 +27,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from silmesh.cameras.lens import Lens, lens_of
+from silmesh.cameras.lens import Lens, lens_of, refuse_strange
 from silmesh.errors import InputError, blaming
 from silmesh.files import replacing
 
@@ -256,6 +256,8 @@ def _parse_row(
         if key not in row:
             raise InputError(f"{where}: {key!r} is missing")
     where = f"{where} ({row['view']})"
+    with blaming(where):
+        refuse_strange(row, ("lens",))
     K = _parse_array(row["K"], (3, 3), f"{where}: K")
     R = _parse_array(row["R"], (3, 3), f"{where}: R")
     t = _parse_array(row["t"], (3,), f"{where}: t")

@@ -1,20 +1,25 @@
 """Lenses: how the image of a camera departs from a pinhole's, by the models that COLMAP names.
 
+One is ours: BROWN, a polynomial of four terms, as Metashape and RealityCapture have it.
+
 A model moves the normalised coordinates (x, y) = (X, Y) / Z of a point before K makes pixels of
 them, so it does not depend on how an image was scaled and shifted. The equations are those of
 COLMAP's camera models, which are OpenCV's; with r^2 = x^2 + y^2, or theta^2 in place of r^2 where
 (x, y) was bent to the angle theta = atan r from the axis first (the fisheye models):
 
     radial       (x, y) (1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6)
-                 of the fisheye models   (x, y) (1 + k1 r^2 + k2 r^4 + k3 r^6 + k4 r^8)
+                 of the fisheyes, BROWN  (x, y) (1 + k1 r^2 + k2 r^4 + k3 r^6 + k4 r^8)
     tangential   + (2 p1 x y + p2 (r^2 + 2 x^2),  p1 (r^2 + 2 y^2) + 2 p2 x y)
     thin prism   + (s1 r^2, s2 r^2)
     FOV          (x, y) atan(2 r tan(omega / 2)) / (r omega)
 """
 
-from collections.abc import Sequence
+import re
+import reprlib
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -34,7 +39,15 @@ CURVED = {  # the parameters beyond K
     "THIN_PRISM_FISHEYE": ("k1", "k2", "p1", "p2", "k3", "k4", "s1", "s2"),
     "FOV": ("omega",),
 }
+PARAMETERS = CURVED | {"BROWN": ("k1", "k2", "k3", "k4", "p1", "p2")}
 NAMES = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "s1", "s2", "omega")
+STRANGE = re.compile(  # names of what a file may say of lenses, shutters and projections
+    r"[kpsb]\d+|xi|omega|alpha|lens|lens_(mode|model|type)|shift_[xy]|camera_type|projection"
+    r"|dist_?co.*|transform_matrix_(start|end)"
+    r"|.*(distort|fisheye|theta|shutter|ortho|equirect|latlong|panoram|spherical|cylind|skew).*",
+    re.IGNORECASE,
+)
+STRAIGHT = {"pinhole", "perspective", "persp", "opencv", "none", "linear"}  # words for no lens
 SAMPLES = 2000  # of a model's radius, to find where it turns back
 WIDEST = 20.0  # normalised radius up to which a model is looked at: 87 degrees from the axis
 STEPS, CLOSE = 30, 1e-9  # of Newton's method; a residual that is small enough
@@ -46,7 +59,7 @@ class Lens:
     """A camera's distortion.
 
     Attributes:
-        model: as COLMAP names it, a key of ``CURVED``
+        model: as COLMAP names it, or BROWN; a key of ``PARAMETERS``
         parameters: those beyond K, in COLMAP's order
     """
 
@@ -54,13 +67,13 @@ class Lens:
     parameters: tuple[float, ...]
 
     def __post_init__(self) -> None:
-        if self.model not in CURVED:
+        if self.model not in PARAMETERS:
             raise InputError(
                 f"camera model {self.model!r} cannot be read; known are "
-                f"{', '.join((*PLAIN, *CURVED))}. Other ones are undistorted by the program that "
-                "found the cameras, whose new images and cameras can be read"
+                f"{', '.join((*PLAIN, *PARAMETERS))}. Other ones are undistorted by the program "
+                "that found the cameras, whose new images and cameras can be read"
             )
-        names = CURVED[self.model]
+        names = PARAMETERS[self.model]
         if len(self.parameters) != len(names) or not np.isfinite(self.parameters).all():
             raise InputError(
                 f"camera model {self.model!r} takes {len(names)} finite parameters beyond K "
@@ -119,7 +132,7 @@ class Lens:
 
     def _move(self, points: np.ndarray) -> np.ndarray:
         """``distort`` without a limit."""
-        given = zip(CURVED[self.model], self.parameters, strict=True)
+        given = zip(PARAMETERS[self.model], self.parameters, strict=True)
         value = dict.fromkeys(NAMES, 0.0) | dict(given)
         r = np.linalg.norm(points, axis=-1, keepdims=True)
         if self.model == "FOV":
@@ -129,7 +142,7 @@ class Lens:
             points = points * np.where(r > 1e-12, np.arctan(r) / np.maximum(r, 1e-12), 1.0)
         k = [value[f"k{i}"] for i in range(1, 7)]
         r2 = (points**2).sum(axis=-1, keepdims=True)
-        if fisheye:
+        if fisheye or self.model == "BROWN":
             radial = 1 + r2 * (k[0] + r2 * (k[1] + r2 * (k[2] + r2 * k[3])))
         else:
             radial = (1 + r2 * (k[0] + r2 * (k[1] + r2 * k[2]))) / (
@@ -167,3 +180,31 @@ def lens_of(model: str, parameters: Sequence[float]) -> Lens | None:
         return None
     lens = Lens(model, tuple(float(p) for p in parameters))
     return lens if lens.bends else None
+
+
+def refuse_strange(fields: Mapping[str, Any], known: Collection[str]) -> None:
+    """Refuse what a file says of a camera's lens, shutter or projection that is not read.
+
+    Zeros, nothing, and words for a pinhole are let pass, and a focal length that is called lens.
+
+    Raises:
+        InputError: a field beside the known ones says something
+    """
+    for key, value in fields.items():
+        if key in known or not STRANGE.fullmatch(key) or _says_nothing(value):
+            continue
+        if key.lower() == "lens" and isinstance(value, int | float):
+            continue
+        raise InputError(
+            f"{key} = {reprlib.repr(value)} says that the camera has a lens, a shutter or a "
+            "projection that is not read; undistort the photographs, by the program that found "
+            "the cameras, and give its new images and cameras"
+        )
+
+
+def _says_nothing(value: Any) -> bool:
+    if isinstance(value, list):
+        return not any(value)
+    if isinstance(value, str):
+        return value.lower() in STRAIGHT or not value
+    return not value

@@ -1,6 +1,7 @@
 """Whose camera is whose: names, order, sizes; and which format a file or a folder has."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from shots import NAMES, SIZE, cameras, views
 
 from silmesh.cameras.camera import write_cameras
 from silmesh.cameras.formats import attempt_from_file
+from silmesh.cameras.formats.matching import is_scaled
 from silmesh.cameras.locate import locate
 from silmesh.errors import InputError
 
@@ -44,6 +46,19 @@ def test_cameras_of_working_images_stay(tmp_path):
     attempt = attempt_from_file(tmp_path / "cameras.json", views())
     torch.testing.assert_close(attempt.cameras.K, dome(4, SIZE).K)
     assert attempt.warnings == ()
+
+
+def test_a_lens_under_another_name_is_not_left_out(tmp_path):
+    file = write(tmp_path, distortion=[0.1, 0, 0, 0])
+    with pytest.raises(InputError, match=r"camera 0 \(shot_1\): distortion = .* is not read"):
+        attempt_from_file(file, views())
+    assert len(attempt_from_file(write(tmp_path, distortion=[0, 0]), views()).cameras) == 4
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "x\0y", "no/where"])
+def test_a_path_that_cannot_be(tmp_path, name):
+    with pytest.raises(InputError):
+        locate(tmp_path / name)
 
 
 def test_softras_npy_is_by_order(tmp_path):
@@ -103,6 +118,43 @@ def test_two_cameras_for_one_photograph(tmp_path):
         attempt_from_file(file, views()[:3])
 
 
+@pytest.mark.parametrize("linked", [False, True])
+def test_folders_tell_equal_names_apart(tmp_path, linked):
+    """However the views are called; links to the photographs lead to their folders."""
+    names = ["x/ring1/a.png", "C:\\x\\ring2\\a.png", "x/ring1/b.png", "x/ring2/b.png"]
+    file = write(tmp_path, names)
+    places = [tmp_path / "x" / ring / f"{name}.jpg" for name in "ab" for ring in ("ring1", "ring2")]
+    placed = views(("ring1_a", "ring2_a", "ring1_b", "ring2_b"))
+    for i, place in enumerate(places):
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.touch()
+        if linked:
+            (tmp_path / f"{i}.jpg").symlink_to(place)
+    sources = [tmp_path / f"{i}.jpg" for i in range(4)] if linked else places
+    placed = [replace(v, source=str(s)) for v, s in zip(placed, sources, strict=True)]
+    found = attempt_from_file(file, placed).cameras
+    torch.testing.assert_close(found.R, GIVEN.R)
+    assert found.views == ("ring1_a", "ring2_a", "ring1_b", "ring2_b")
+
+
+@pytest.mark.parametrize(
+    ("size", "photograph", "scaled"),
+    [
+        ((5184, 3456), (1000, 667), True),
+        ((5184, 3456), (1000, 666), True),
+        ((4032, 3024), (1001, 750), True),  # by 0.2482: 1000.8 and 750.6
+        ((640, 480), (640, 480), True),
+        ((640, 480), (640, 478), False),
+        ((5184, 3456), (1000, 664), False),
+        ((640, 480), (480, 640), False),
+        ((640, 0), (640, 480), False),
+    ],
+)
+def test_the_same_aspect_up_to_rounding_of_both_sides(size, photograph, scaled):
+    assert is_scaled(size, photograph) == scaled
+    assert is_scaled(photograph, size) == scaled
+
+
 @pytest.mark.parametrize(
     ("size", "photograph"), [((1280, 960), (640, 480)), ((640, 480), (321, 241))]
 )
@@ -133,7 +185,7 @@ def test_matrices_of_larger_photographs_are_doubted(tmp_path):
     assert attempt_from_file(tmp_path, views()).doubt is None
 
 
-@pytest.mark.parametrize("name", ["cameras.xml", "images.jpg"])
+@pytest.mark.parametrize("name", ["cameras.tex", "images.jpg"])
 def test_an_unknown_format_is_refused(tmp_path, name):
     (tmp_path / name).touch()
     with pytest.raises(InputError, match="unknown camera format; known are a COLMAP model"):

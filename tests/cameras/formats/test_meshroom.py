@@ -142,6 +142,15 @@ def test_a_view_without_a_pose_is_dropped(tmp_path):
             "none of its 4 views has a pose; should be the cameras.sfm that Meshroom's",
         ),
         (sfm(lens={"distortionType": "3deradial4"}), "the lens '3deradial4' cannot be read; known"),
+        (
+            sfm(lens={"undistortionType": "3declassicld", "undistortionParams": [0.1]}),
+            "its lens 'none' has an undistortion '3declassicld' beside",
+        ),
+        (
+            sfm(lens={"distortionType": "radialk1", "distortionParams": [0.1, 0.2]}),
+            r"its lens 'radialk1' has terms \['0.2'\] beside, which cannot be read",
+        ),
+        (sfm(lens={"distortionParams": [0.1]}), r"its lens 'none' has terms \['0.1'\] beside"),
         (sfm(lens={"focalLength": -3}), "should be positive: a negative one mirrors"),
         (sfm(lens={"principalPoint": ["nan", "0"]}), "principalPoint: should be finite numbers"),
         (sfm(isPoseIndependant="false"), "view shot_1.JPG: is part of a rig"),

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from shots import HEIGHT, NAMES, POINTS, WIDTH, assert_seen, by_definition, came
 from silmesh.cameras.camera import write_cameras
 from silmesh.cameras.formats import attempt_from_file
 from silmesh.cameras.lens import Lens
+from silmesh.cameras.locate import locate
 from silmesh.errors import InputError
 from silmesh.steps import export_cameras
 
@@ -134,3 +136,147 @@ def test_a_lens_without_words_for_it(tmp_path):
     with pytest.raises(InputError, match="view 'shot_1': a lens FOV cannot be written"):
         export_cameras.main([*argv, "--output", str(tmp_path / "transforms.json")])
     assert not (tmp_path / "transforms.json").exists()
+
+
+SPLITS = {"train": (0, 1), "val": (2,), "test": (3,)}
+
+
+def write_splits(folder, name="./{split}/{view}", splits=SPLITS):
+    """transforms_train.json and its siblings, each with some of the views."""
+    folder.mkdir(exist_ok=True)
+    for split, places in splits.items():
+        frames = [
+            {
+                "file_path": name.format(split=split, view=NAMES[i]),
+                "rotation": 0.01,
+                "transform_matrix": POSES[i].tolist(),
+            }
+            for i in places
+        ]
+        content = json.dumps({"camera_angle_x": 0.7, "frames": frames})
+        (folder / f"transforms_{split}.json").write_text(content)
+    return folder
+
+
+def project_blenders() -> np.ndarray:
+    focal = WIDTH / 2 / math.tan(0.35)
+    return np.stack([project(pose, focal, focal, WIDTH / 2, HEIGHT / 2) for pose in POSES])
+
+
+def test_the_parts_of_a_synthetic_scene_are_read_together(tmp_path):
+    folder = write_splits(tmp_path / "model")
+    located = locate(folder)
+    assert [file.name[11:] for file in located.files] == ["train.json", "val.json", "test.json"]
+    assert_seen(attempt_from_file(folder, views()).cameras, project_blenders())
+    assert locate(located.path) == located
+
+
+def test_one_of_its_files_is_just_that(tmp_path):
+    folder = write_splits(tmp_path / "model", splits=SPLITS | {"train": (0, 1, 2)})
+    attempt = attempt_from_file(folder / "transforms_train.json", views())
+    assert attempt.cameras.views == NAMES[:3]
+
+
+def test_equal_names_are_told_apart_by_their_folders(tmp_path):
+    """As in NeRF's own scenes, where train/r_0 and test/r_0 are different photographs."""
+    folder = write_splits(tmp_path / "model", "./{split}/r_0")
+    for split in ("train", "val", "test"):
+        pose = POSES[SPLITS[split][0]].tolist()
+        frames = [
+            {"file_path": f"./{split}/{NAMES[i]}", "transform_matrix": pose} for i in range(4)
+        ]
+        content = json.dumps({"camera_angle_x": 0.7, "frames": frames})
+        (folder / f"transforms_{split}.json").write_text(content)
+    placed = [
+        replace(view, source=str(tmp_path / split / f"{view.view}.png"))
+        for view, split in zip(views(), ("test", "train", "val", "test"), strict=True)
+    ]
+    found = attempt_from_file(folder, placed).cameras
+    all_seen = project_blenders()
+    assert_seen(found, all_seen[[3, 0, 2, 3]])
+    with pytest.raises(InputError, match=r"3 cameras for the view 'shot_1': './train/shot_1', "):
+        attempt_from_file(folder, views())
+
+
+@pytest.mark.parametrize(
+    "shared",
+    [
+        {"fl_x": 2800, "cx": 1280, "cy": 960},
+        {"fl_x": 2800, "camera_angle_x": 2 * math.atan(1280 / 2800), "cx": 1324, "cy": 912},
+        {"fl_x": 175, "cx": 80, "cy": 60},
+    ],
+)
+def test_a_size_that_is_not_said_but_told(tmp_path, shared):
+    scale = shared["fl_x"] / 700
+    centre = shared["cx"] / scale, shared["cy"] / scale
+    attempt = attempt_from_file(write(tmp_path, shared), views())
+    assert_seen(attempt.cameras, np.stack([project(p, 700, 700, *centre) for p in POSES]))
+    assert "are scaled to the photographs' 640x480" in attempt.warnings[0]
+
+
+@pytest.mark.parametrize("shared", [{"cx": 320, "cy": 240}, {"cx": 323.25, "cy": 238}, {}])
+def test_pixels_are_the_photographs_where_nothing_tells_otherwise(tmp_path, shared):
+    attempt = attempt_from_file(write(tmp_path, {"fl_x": 700} | shared), views())
+    centre = shared.get("cx", 320), shared.get("cy", 240)
+    assert_seen(attempt.cameras, np.stack([project(p, 700, 700, *centre) for p in POSES]))
+    assert attempt.warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("shared", "message"),
+    [
+        ({"camera_model": "FISHEYE624"}, "camera model 'FISHEYE624' cannot be read"),
+        ({"camera_model": "EQUIRECTANGULAR"}, "camera model 'EQUIRECTANGULAR' cannot be read"),
+        ({"camera_model": "ORTHOPHOTO"}, "camera model 'ORTHOPHOTO' cannot be read"),
+        (
+            {"distortion_params": [0.1, 0, 0]},
+            r"distortion_params = .* has a lens, a shutter or a projection",
+        ),
+        ({"ftheta_p0": 0.3}, "ftheta_p0 = 0.3"),
+        ({"equirectangular": True}, "equirectangular = True"),
+        ({"rolling_shutter": [0, 0.1, 0]}, "rolling_shutter"),
+        ({"lens": "fisheye"}, "lens = 'fisheye'"),
+        ({"lens_mode": "ftheta"}, "lens_mode = 'ftheta'"),
+        ({"camera_type": "ORTHO"}, "camera_type"),
+        ({"ortho_scale": 2}, "ortho_scale"),
+        ({"distortion_params": [[[0.1]]] * 2}, "distortion_params = "),
+        ({"shift_x": 0.1}, "shift_x"),
+        ({"k7": 0.1}, "k7 = 0.1"),
+        ({"b1": 0.1}, "b1 = 0.1"),
+        ({"k5": 0.1}, "a lens OPENCV has no k5"),
+        ({"omega": 0.5}, "a lens OPENCV has no omega"),
+    ],
+)
+def test_a_lens_that_is_not_read_is_named(tmp_path, shared, message):
+    path = write(tmp_path, {"fl_x": 700} | shared)
+    with pytest.raises(InputError, match=message) as error:
+        attempt_from_file(path, views())
+    assert str(error.value).startswith(f"{path}: frame 0")
+
+
+def test_what_says_nothing_of_a_lens_is_let_pass(tmp_path):
+    """As nerfstudio and instant-ngp write it: parameters of 0, a model that is a pinhole's."""
+    shared = {"fl_x": 700, "camera_model": "PINHOLE", "is_fisheye": False, "k3": 0, "k4": 0}
+    shared |= {"distortion_params": [0, 0.0], "rolling_shutter": [0, 0, 0], "lens_mode": "pinhole"}
+    shared |= {"applied_transform": [[0, 1, 0, 0], [1, 0, 0, 0], [0, 0, -1, 0]], "aabb_scale": 16}
+    shared |= {
+        "ply_file_path": "a.ply",
+        "sharpness": 3,
+        "lens": 35.0,
+        "orientation_override": "none",
+    }
+    assert attempt_from_file(write(tmp_path, shared), views()).cameras.lenses == (None,) * 4
+
+
+@pytest.mark.parametrize("model", ["PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "OPENCV"])
+def test_terms_of_a_lens_hold_whatever_its_model_is_called(tmp_path, model):
+    """nerfstudio undistorts by them, instant-ngp does not look at the model."""
+    path = write(tmp_path, {"fl_x": 700, "camera_model": model, "k1": 0.1, "p2": 0.01})
+    assert attempt_from_file(path, views()).cameras.lenses[0] == Lens("OPENCV", (0.1, 0, 0, 0.01))
+
+
+def test_all_of_opencvs_terms(tmp_path):
+    given = {f"k{i}": i / 100 for i in range(1, 7)} | {"p1": 0.001, "p2": 0.002}
+    path = write(tmp_path, {"fl_x": 700, "camera_model": "FULL_OPENCV"} | given)
+    expected = (0.01, 0.02, 0.001, 0.002, 0.03, 0.04, 0.05, 0.06)
+    assert attempt_from_file(path, views()).cameras.lenses[0] == Lens("FULL_OPENCV", expected)

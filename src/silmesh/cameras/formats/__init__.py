@@ -4,7 +4,7 @@ A reader gives the cameras as the file lists them, in our convention (``silmesh.
 each by the name of its image; ``matching`` finds the view of each.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -16,12 +16,28 @@ from silmesh.cameras.attempt import (
     Attempt,
 )
 from silmesh.cameras.camera import Cameras, read_cameras
-from silmesh.cameras.formats import colmap, mat, meshroom, middlebury, nerf, npz, texts
-from silmesh.cameras.formats.matching import Rules, match
+from silmesh.cameras.formats import (
+    bundler,
+    colmap,
+    llff,
+    mat,
+    meshroom,
+    metashape,
+    middlebury,
+    nerf,
+    npz,
+    realitycapture,
+    texts,
+)
+from silmesh.cameras.formats.matching import Rules, choose_world, match
 from silmesh.cameras.formats.parts import read_json
 from silmesh.cameras.locate import Located, locate
 from silmesh.cameras.turntable import softras_cameras
+from silmesh.cameras.unread import recognise_json
+from silmesh.errors import InputError
 from silmesh.views import View
+
+Worlds = Cameras | Mapping[str, Cameras]  # of parts of a scene that nothing joins: by their names
 
 
 class Format(NamedTuple):
@@ -31,7 +47,7 @@ class Format(NamedTuple):
     """
 
     name: str
-    read: Callable[[Path, Sequence[View]], Cameras]
+    read: Callable[[Path, Sequence[View]], Worlds]
     rules: Rules = Rules()
     written: str = WORLD_TO_CAMERA
 
@@ -65,6 +81,12 @@ FORMATS = {
     "middlebury": Format(
         "Middlebury's _par.txt", lambda path, views: middlebury.read(path), Rules(signless=True)
     ),
+    "llff": Format(
+        "LLFF's poses_bounds.npy", llff.read, Rules(by_order=True), written=CAMERA_TO_WORLD
+    ),
+    "metashape": Format("Metashape's cameras.xml", metashape.read, written=CAMERA_TO_WORLD),
+    "bundler": Format("Bundler's .out", bundler.read),
+    "realitycapture": Format("RealityCapture's .csv", realitycapture.read),
     "softras": Format("SoftRas's camera.npy", _read_softras, Rules(by_order=True, working=True)),
 }
 
@@ -75,12 +97,14 @@ def recognise(path: Path) -> tuple[Format, Located]:
     """The format of what a path holds, and where it lies.
 
     Raises:
-        InputError: it holds no cameras that are known
+        InputError: it holds no cameras that are known, or such as are not read
     """
     located = locate(path)
     kind = located.kind
     if kind == "json":
         content = read_json(located.path)
+        if unread := recognise_json(content):
+            raise InputError(f"{located.path}: {unread}")
         kind = (
             "meshroom"
             if meshroom.is_sfm(content)
@@ -102,7 +126,10 @@ def attempt_from_file(path: Path, views: Sequence[View]) -> Attempt:
             views
     """
     format_, located = recognise(path)
-    cameras = format_.read(located.path, views)
+    worlds = format_.read(located.path, views)
+    if isinstance(worlds, Cameras):
+        worlds = {located.path.name: worlds}
+    cameras, told = choose_world(located.path, worlds, views)
     attempt = match(located.path, cameras, views, format_.rules)
     figures = {
         "format": format_.name,
@@ -110,4 +137,4 @@ def attempt_from_file(path: Path, views: Sequence[View]) -> Attempt:
         "cameras": len(cameras),
         "written": format_.written,
     }
-    return replace(attempt, figures=figures)
+    return replace(attempt, figures=figures, warnings=(*told, *attempt.warnings))

@@ -7,6 +7,7 @@ whose import before Pillow's lets Pillow crash.
 https://colmap.github.io/format.html
 """
 
+import re
 import struct
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -24,6 +25,7 @@ from silmesh.cameras.formats.parts import (
     refuse_skew,
 )
 from silmesh.cameras.lens import CURVED, PLAIN, Lens, lens_of
+from silmesh.cameras.locate import find_models, model_files
 from silmesh.errors import InputError, blaming
 from silmesh.files import replacing
 
@@ -42,6 +44,13 @@ MODELS = {  # by their number in a binary model
     14: "SIMPLE_FISHEYE",
     15: "FISHEYE",
 }
+OTHER_MODELS = {  # that are not read
+    11: "RAD_TAN_THIN_PRISM_FISHEYE",
+    12: "SIMPLE_DIVISION",
+    13: "DIVISION",
+    16: "EUCM",
+    17: "EQUIRECTANGULAR",
+}
 ONE_FOCAL = {  # f, cx, cy; the others have fx, fy, cx, cy
     *("SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL"),
     *("SIMPLE_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE"),
@@ -53,6 +62,8 @@ WIDER = {  # with two focal lengths, as images that were stretched need
     "SIMPLE_RADIAL_FISHEYE": "OPENCV_FISHEYE",
     "RADIAL_FISHEYE": "OPENCV_FISHEYE",
 }
+NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"
+UNIT = 1e-3  # by which a quaternion's length may differ from 1
 HEADER = "# {}, written by silmesh; pixel centres lie at integer + 0.5\n"
 Intrinsics = tuple[tuple[int, int], np.ndarray, Lens | None]  # size, K, lens
 
@@ -64,22 +75,41 @@ def split(model: str, parameters: Sequence[float], where: str) -> tuple[np.ndarr
         InputError: the model is unknown, or has another number of parameters
     """
     count = 3 if model in ONE_FOCAL else 4
-    if len(parameters) < count:
+    if len(parameters) < count and model in (*PLAIN, *CURVED):
         raise InputError(f"{where}: {model} has {len(parameters)} parameters, which are too few")
-    cx, cy = parameters[count - 2 : count]
     with blaming(where):
         lens = lens_of(model, parameters[count:])
+    cx, cy = parameters[count - 2 : count]
     return intrinsics((parameters[0], parameters[count - 3]), (cx, cy), where), lens
 
 
-def read(folder: Path) -> Cameras:
-    """Cameras by the names of the model's images; a binary model goes before a text one."""
-    if (folder / "cameras.bin").is_file() and (folder / "images.bin").is_file():
-        cameras = dict(_cameras_binary(folder / "cameras.bin"))
-        images = list(_images_binary(folder / "images.bin"))
+def read(folder: Path) -> dict[str, Cameras]:
+    """Cameras by the names of the images, of each model that a folder is or holds.
+
+    COLMAP numbers the parts of a scene that it could not join; one without images, or that cannot
+    be read, is left out as long as another can.
+
+    Raises:
+        InputError: none can be read
+    """
+    models, wrong = {}, []
+    for model in find_models(folder):
+        try:
+            models[model.name] = _read_model(model)
+        except InputError as error:
+            wrong.append(error)
+    if not models:
+        raise wrong[0] if wrong else InputError(f"{folder}: holds no COLMAP model")
+    return models
+
+
+def _read_model(folder: Path) -> Cameras:
+    """A binary model goes before a text one."""
+    camera_file, image_file = model_files(folder)
+    if camera_file.suffix == ".bin":
+        cameras, images = dict(_cameras_binary(camera_file)), list(_images_binary(image_file))
     else:
-        cameras = dict(_cameras_text(folder / "cameras.txt"))
-        images = list(_images_text(folder / "images.txt"))
+        cameras, images = dict(_cameras_text(camera_file)), list(_images_text(image_file))
     if not images:
         raise InputError(f"{folder}: the model has no image; no photograph was registered")
     return gather([_join(folder, cameras, *image) for image in images])
@@ -113,19 +143,62 @@ def _cameras_text(path: Path) -> Iterator[tuple[int, Intrinsics]]:
 
 
 def _images_text(path: Path) -> Iterator[tuple[int, np.ndarray, str]]:
-    """Camera, quaternion and translation, name; each second row holds points, or nothing."""
-    rows = _rows(path)
-    while rows and not rows[-1]:
-        rows.pop()
-    for row in rows[::2]:
-        parts = row.split(maxsplit=9)
-        if len(parts) != 10:
+    """Camera, quaternion and translation, name.
+
+    After an image comes a line of its points or an empty one, which files written by hand may
+    lack: a line of points is numbers in threes, one of an image is not.
+    """
+    points = False  # whether a line of points may come
+    for row in _rows(path):
+        as_points = _is_points(row)
+        if points and row and as_points and _is_pose(row):
             raise InputError(
-                f"{path}: an image should be IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, with a "
-                f"line of its points or an empty one after it, not {row[:80]!r}"
+                f"{path}: {row[:80]!r} may be an image or the points of the one before; write an "
+                "empty line after each image"
             )
-        pose = numbers(parts[1:8], (7,), f"{path}: image {parts[9]}")
-        yield int(parts[8]), pose, parts[9]
+        if row and not (points and as_points):
+            yield _parse_image(row, path, as_points)
+            points = True
+        else:
+            points = False
+
+
+def _is_points(row: str) -> bool:
+    """Whether a line is x y id x y id ..., or empty."""
+    words = row.split()
+    kinds = (NUMBER, NUMBER, r"-?\d+")
+    return len(words) % 3 == 0 and all(
+        re.fullmatch(kinds[i % 3], word) for i, word in enumerate(words)
+    )
+
+
+def _is_id(word: str) -> bool:
+    return re.fullmatch(r"\d{1,19}", word) is not None
+
+
+def _is_pose(row: str) -> bool:
+    """Whether a line begins as an image's does, with a quaternion that is a rotation."""
+    words = row.split(maxsplit=9)
+    if len(words) != 10 or not _is_id(words[0]) or not _is_id(words[8]):
+        return False
+    quaternion = np.array([float(word) for word in words[1:5]])
+    return bool(abs(np.linalg.norm(quaternion) - 1) < UNIT)
+
+
+def _parse_image(row: str, path: Path, as_points: bool) -> tuple[int, np.ndarray, str]:
+    parts = row.split(maxsplit=9)
+    if (
+        len(parts) != 10
+        or not _is_id(parts[0])
+        or not _is_id(parts[8])
+        or (as_points and not _is_pose(row))
+    ):
+        raise InputError(
+            f"{path}: an image should be IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, with a "
+            f"line of its points or an empty one after it, not {row[:80]!r}"
+        )
+    pose = numbers(parts[1:8], (7,), f"{path}: image {parts[9]}")
+    return int(parts[8]), pose, parts[9]
 
 
 class _Bytes:
@@ -172,7 +245,7 @@ def _cameras_binary(path: Path) -> Iterator[tuple[int, Intrinsics]]:
         where = f"{path}: camera {number}"
         if kind not in MODELS:
             raise InputError(
-                f"{where}: camera model number {kind} cannot be read; known are "
+                f"{where}: camera model {OTHER_MODELS.get(kind, kind)} cannot be read; known are "
                 f"{', '.join(MODELS.values())}"
             )
         model = MODELS[kind]
@@ -214,6 +287,11 @@ def _camera_row(cameras: Cameras, i: int) -> str:
     refuse_skew(cameras, i)
     K, lens = cameras.K[i].tolist(), cameras.lenses[i]
     model, beyond = (lens.model, list(lens.parameters)) if lens else (PLAIN[1], [])
+    if model not in (*PLAIN, *CURVED):
+        raise InputError(
+            f"view {cameras.views[i]!r}: COLMAP has no lens {model}; write the cameras of the "
+            "scene, whose images are undistorted"
+        )
     model = WIDER.get(model, model)  # its parameters are those and zeros
     beyond += [0.0] * (len(CURVED.get(model, ())) - len(beyond))
     values = [K[0][0], K[1][1], K[0][2], K[1][2], *beyond]

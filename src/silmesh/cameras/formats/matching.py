@@ -1,11 +1,14 @@
 """Which camera of a file belongs to which view, and its pixels: by name or order, size by size.
 
-A file's image names are matched to the views by their stems, whatever folders and endings they
-have. Views without a camera are dropped while enough are left; cameras without a view are not used.
+A file's image names are matched to the views by their stems, whatever endings they have, and
+whatever folders unless these tell equal names apart. Views without a camera are dropped while
+enough are left; cameras without a view are not used.
 """
 
-from collections.abc import Sequence
+import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path, PureWindowsPath
 
 import numpy as np
@@ -103,21 +106,99 @@ def _by_order(path: Path, cameras: Cameras, views: Sequence[View]) -> list[int |
 
 def _by_name(path: Path, cameras: Cameras, views: Sequence[View]) -> list[int | None]:
     """The position of each view's camera, or None."""
-    found: dict[str, list[int]] = {}
-    for i, name in enumerate(cameras.views):
-        file = PureWindowsPath(name)  # whose folders may be written in the manner of any system
-        for known in {file.name, file.stem}:
-            found.setdefault(known, []).append(i)
-    places = [found.get(view.view, []) for view in views]
+    places = find_places(cameras.views, views)
     for view, place in zip(views, places, strict=True):
         if len(place) > 1:
             names = ", ".join(repr(cameras.views[i]) for i in place[:SHOWN])
             raise InputError(
                 f"{path}: has {len(place)} cameras for the view {view.view!r}: {names}; names "
-                "should differ in more than their folder and ending"
+                "should differ in more than their folder and ending, or the folders be those of "
+                "the photographs"
             )
     _refuse_few(path, cameras, views, [place for place in places if place])
     return [place[0] if place else None for place in places]
+
+
+def find_places(names: Sequence[str], views: Sequence[View]) -> list[list[int]]:
+    """The positions of the names that may be each view's: one, unless folders do not tell."""
+    known: dict[str, list[int]] = {}
+    for i, name in enumerate(names):
+        file = PureWindowsPath(name)  # whose folders may be written in the manner of any system
+        for stem in {file.name, file.stem}:
+            known.setdefault(stem, []).append(i)
+    return [_find_places(names, known, view) for view in views]
+
+
+def _find_places(names: Sequence[str], known: Mapping[str, Sequence[int]], view: View) -> list[int]:
+    found = sorted({i for stem in _stems_of(view) for i in known.get(stem, ())})
+    if len(found) < 2:
+        return found
+    shared = [_most_shared(names[i], view) for i in found]
+    return [i for i, count in zip(found, shared, strict=True) if count == max(shared)]
+
+
+@cache
+def _files_of(source: str) -> frozenset[PureWindowsPath]:
+    """Where a view's photograph lies, as it was named and where links lead."""
+    if source.endswith(".npy"):  # of many photographs
+        return frozenset()
+    return frozenset(PureWindowsPath(path) for path in (source, os.path.realpath(source)))
+
+
+def _count_shared(name: str, file: PureWindowsPath) -> int:
+    """How many folders above a file a camera's name has too."""
+    folders = zip(PureWindowsPath(name).parts[-2::-1], file.parts[-2::-1], strict=False)
+    same = [a == b for a, b in folders]
+    return [*same, False].index(False)
+
+
+class Sizes:
+    """Sizes of the photographs, for files that say none, by the names of their cameras."""
+
+    def __init__(self, views: Sequence[View]):
+        self.first = views[0]
+        self.known: dict[str, list[View]] = {}
+        for view in views:
+            for stem in _stems_of(view):
+                self.known.setdefault(stem, []).append(view)
+
+    def of(self, name: str) -> tuple[int, int]:
+        """Width and height of the photograph of this name; the first's, if none has it."""
+        file = PureWindowsPath(name)
+        own = self.known.get(file.stem, []) + self.known.get(file.name, [])
+        view = max(own, key=lambda v: _most_shared(name, v)) if own else self.first
+        return view.width, view.height
+
+
+def _stems_of(view: View) -> set[str]:
+    return {view.view} | {file.stem for file in _files_of(view.source)}
+
+
+def _most_shared(name: str, view: View) -> int:
+    return max((_count_shared(name, file) for file in _files_of(view.source)), default=0)
+
+
+def choose_world(
+    path: Path, worlds: Mapping[str, Cameras], views: Sequence[View]
+) -> tuple[Cameras, list[str]]:
+    """Of cameras in several worlds, which nothing joins, those of most photographs; what to say.
+
+    Args:
+        worlds: by what messages call them
+    """
+    counts = {name: _count_matched(cameras, views) for name, cameras in worlds.items()}
+    best = max(counts, key=counts.__getitem__)
+    if len(worlds) == 1:
+        return worlds[best], []
+    held = ", ".join(f"{name} {count}" for name, count in counts.items())
+    return worlds[best], [
+        f"{path}: holds {len(worlds)} reconstructions that do not join; of the {len(views)} "
+        f"photographs {held}. That of most is taken, {best}"
+    ]
+
+
+def _count_matched(cameras: Cameras, views: Sequence[View]) -> int:
+    return sum(bool(places) for places in find_places(cameras.views, views))
 
 
 def _refuse_few(path: Path, cameras: Cameras, views: Sequence[View], found: Sequence) -> None:
@@ -187,19 +268,26 @@ def _is_own(size: tuple[int, int], view: View, working: bool) -> bool:
     return size in known
 
 
+def is_scaled(size: tuple[int, int], other: tuple[int, int]) -> bool:
+    """Whether the smaller of two sizes is the larger, scaled, each side rounded up or down."""
+    small, large = sorted((size, other))
+    if min(*small, *large) < 1:
+        return False
+    least = max((to - 1) / of for of, to in zip(large, small, strict=True))
+    most = min((to + 1) / of for of, to in zip(large, small, strict=True))
+    return least < most
+
+
 def _map_to_working(path: Path, size: tuple[int, int], view: View, working: bool) -> np.ndarray:
     """From the pixels that a camera is given in to those of the working image: [3, 3].
 
-    Photographs may have been scaled since, if the aspect is the same up to rounding.
+    Photographs may have been scaled since, if the aspect is the same up to rounding of both sides.
     """
     width, height = size
     if _is_own(size, view, working):
         as_working = size == (view.size, view.size) != (view.width, view.height)
         return np.eye(3) if as_working else view.pixel_map
-    if (
-        abs(height * view.width / width - view.height) < 1
-        or abs(width * view.height / height - view.width) < 1
-    ):
+    if is_scaled(size, (view.width, view.height)):
         return view.pixel_map @ np.diag([view.width / width, view.height / height, 1])
     raise InputError(
         f"{path}: the camera of view {view.view!r} is for {width}x{height} pixels, but its "

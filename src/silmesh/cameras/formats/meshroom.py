@@ -112,6 +112,7 @@ def _parse_intrinsics(
     kind = str(row.get("type", "pinhole")).lower()
     if version >= (1, 2, 8) and kind == "pinhole":
         kind = str(row.get("distortionType", "none")).lower()
+    _refuse_strange(row, kind, where)
     if kind not in LENSES:
         raise InputError(
             f"{where}: the lens {kind!r} cannot be read; known are "
@@ -128,6 +129,28 @@ def _parse_intrinsics(
     if kind == "radialk3pt":  # scaled to keep the point at radius 1 in its place
         K = K @ np.diag([1 / (1 + sum(values[:3]))] * 2 + [1])
     return (width, height), K, lens
+
+
+def _refuse_strange(row: Row, kind: str, where: str) -> None:
+    """Refuse more of a lens than its kind has: other terms, or an undistortion beside it."""
+    values = row.get("distortionParams")
+    places = LENSES.get(kind, ("", ()))[1]
+    terms = 1 + max((place for place in places if place is not None), default=-1)
+    extra = values[terms:] if isinstance(values, list) and kind in LENSES else []
+    other = str(row.get("undistortionType") or "none").lower()
+    if other != "none" or any(_says_something(value) for value in extra):
+        what = f"an undistortion {other!r}" if other != "none" else f"terms {extra[:8]}"
+        raise InputError(
+            f"{where}: its lens {kind!r} has {what} beside, which cannot be read; give the images "
+            "and cameras of Meshroom's ImageProcessing or PrepareDenseScene"
+        )
+
+
+def _says_something(value: Any) -> bool:
+    try:
+        return float(value) != 0
+    except (TypeError, ValueError, OverflowError):
+        return True
 
 
 def _parse_focal(row: Row, width: int, version: Version, where: str) -> tuple[float, float]:

@@ -5,18 +5,23 @@
 OpenGL's camera has x right, y up and looks along -z, so R = diag(1, -1, -1) of the pose's inverse.
 The intrinsics fl_x, fl_y, cx, cy, w, h, k1, k2, p1, p2 and camera_model stand at the top or in a
 frame (instant-ngp, nerfstudio); without them camera_angle_x is the angle across the photograph.
-Pixel centres lie at integer + 0.5, as instant-ngp and nerfstudio have them.
+Pixel centres lie at integer + 0.5, as instant-ngp and nerfstudio have them. What a frame says of a
+lens, a shutter or a projection that is not known here is refused, never left out.
+
+A folder may hold transforms_train.json, transforms_val.json and transforms_test.json, as NeRF's
+synthetic scenes do: their frames are read together, and told apart by the folders in their names.
 """
 
 import json
 import math
 from collections.abc import Mapping, Sequence
-from pathlib import Path, PureWindowsPath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from silmesh.cameras.camera import Cameras
+from silmesh.cameras.formats.matching import Sizes, is_scaled
 from silmesh.cameras.formats.parts import (
     UNSAID,
     Camera,
@@ -27,14 +32,18 @@ from silmesh.cameras.formats.parts import (
     read_json,
     refuse_skew,
 )
-from silmesh.cameras.lens import CURVED, PLAIN, Lens, lens_of
+from silmesh.cameras.lens import CURVED, PLAIN, Lens, lens_of, refuse_strange
+from silmesh.cameras.locate import SPLITS
 from silmesh.errors import InputError, blaming
 from silmesh.files import replacing
 from silmesh.views import View
 
 FLIP = np.diag([1.0, -1.0, -1.0])  # between OpenGL's camera axes and ours
+WHOLE = 1e-6  # by which twice a principal point may differ from a whole number of pixels
+SAME = 0.02  # by which a width that is told may differ from the photograph's own
 NEEDED = ("file_path", "transform_matrix")  # of each frame
-LENS = ("k1", "k2", "k3", "k4", "p1", "p2")
+LENS = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "s1", "s2", "omega")
+USUAL = (*PLAIN, "PERSPECTIVE", "SIMPLE_RADIAL", "RADIAL", "OPENCV")  # OpenCV's k1 k2 p1 p2 k3
 KEPT = (*PLAIN, "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE")  # that are written
 
 
@@ -44,16 +53,28 @@ def is_transforms(content: Any) -> bool:
 
 
 def read(path: Path, views: Sequence[View]) -> Cameras:
-    """Cameras by the names of their images; the views say the size that an angle is across."""
+    """Cameras by the names of their images; the views say the size that an angle is across.
+
+    Args:
+        path: a file, or the folder of the files of a scene's parts
+    """
+    files = [path / name for name in SPLITS if (path / name).is_file()] if path.is_dir() else [path]
+    sizes = Sizes(views)
+    return gather([camera for file in files for camera in _read_file(file, sizes)])
+
+
+def _read_file(path: Path, sizes: Sizes) -> list[Camera]:
     content = read_json(path)
     frames = content.get("frames") if isinstance(content, dict) else None
     if not isinstance(frames, list) or not frames or not all(isinstance(f, dict) for f in frames):
         raise InputError(f"{path}: should hold a list 'frames' of {{file_path, transform_matrix}}")
     shared = {key: value for key, value in content.items() if key != "frames"}
-    return gather([_parse(shared | f, f"{path}: frame {i}", views) for i, f in enumerate(frames)])
+    return [_parse(shared | f, f"{path}: frame {i}", sizes) for i, f in enumerate(frames)]
 
 
-def _parse(frame: Mapping[str, Any], where: str, views: Sequence[View]) -> Camera:
+def _parse(frame: Mapping[str, Any], where: str, sizes: Sizes) -> Camera:
+    with blaming(where):
+        refuse_strange(frame, (*LENS, "is_fisheye"))
     for key in NEEDED:
         if key not in frame:
             raise InputError(f"{where}: {key!r} is missing")
@@ -63,12 +84,32 @@ def _parse(frame: Mapping[str, Any], where: str, views: Sequence[View]) -> Camer
     pose = pose[:3] if isinstance(pose, list) else pose
     pose = numbers(pose, (3, 4), f"{where}: transform_matrix")
     R = FLIP @ nearest_rotation(pose[:, :3], where).T
-    size = tuple(int(_number(frame, key, where, 0)) for key in ("w", "h"))
-    own = next((v for v in views if v.view == PureWindowsPath(name).stem), views[0])
-    K = _parse_intrinsics(frame, size if all(size) else (own.width, own.height), where)
+    own = sizes.of(name)
+    size = _parse_size(frame, own, where)
+    K = _parse_intrinsics(frame, size if all(size) else own, where)
     with blaming(where):
         lens = _parse_lens(frame, where)
-    return Camera(name, size if all(size) else UNSAID, K, R, -R @ pose[:, 3], lens)
+    return Camera(name, size, K, R, -R @ pose[:, 3], lens)
+
+
+def _parse_size(frame: Mapping[str, Any], own: tuple[int, int], where: str) -> tuple[int, int]:
+    """Width and height that a frame's pixels are of; UNSAID if it is not told.
+
+    Where w and h are missing, fl_x beside camera_angle_x tells the width, and a principal point in
+    the middle of another size of the photograph's aspect tells that size.
+    """
+    size = tuple(int(_number(frame, key, where, 0)) for key in ("w", "h"))
+    if all(size):
+        return size
+    focal, across = (_number(frame, key, where, 0) for key in ("fl_x", "camera_angle_x"))
+    width, height = 2 * _number(frame, "cx", where, 0), 2 * _number(frame, "cy", where, 0)
+    if focal > 0 and 0 < across < math.pi:
+        width = 2 * focal * math.tan(across / 2)
+        height = width * own[1] / own[0]
+    elif any(abs(side - round(side)) > WHOLE for side in (width, height)):
+        return UNSAID
+    told = round(width), round(height)
+    return told if is_scaled(told, own) and abs(told[0] / own[0] - 1) > SAME else UNSAID
 
 
 def _number(frame: Mapping[str, Any], key: str, where: str, default: float) -> float:
@@ -90,18 +131,20 @@ def _parse_intrinsics(frame: Mapping[str, Any], size: tuple[int, int], where: st
 
 
 def _parse_lens(frame: Mapping[str, Any], where: str) -> Lens | None:
-    """Its model as ``camera_model`` names it; OPENCV where only its parameters are there."""
-    value = {key: _number(frame, key, where, 0) for key in LENS}
-    model = str(frame.get("camera_model", "OPENCV"))
+    """Its model as ``camera_model`` names it; OpenCV's where that is a usual one, or missing."""
+    value = {key: _number(frame, key, where, 0) for key in LENS if key in frame}
+    model = str(frame.get("camera_model") or "OPENCV").upper()
     if frame.get("is_fisheye"):
         model = "OPENCV_FISHEYE"
-    if model in (*PLAIN, "PERSPECTIVE") or (model not in CURVED and not any(value.values())):
-        return None
-    if model == "OPENCV" and value["k3"] and not value["k4"]:
-        model, value = "FULL_OPENCV", value | {"k4": 0.0, "k5": 0.0, "k6": 0.0}
-    elif model == "OPENCV" and value["k4"]:
-        raise InputError("k4 of a lens that is no fisheye cannot be read; undistort the images")
-    return lens_of(model, [value.get(name, 0.0) for name in CURVED.get(model, ())])
+    if model in USUAL:
+        if value.get("k4"):
+            raise InputError("k4 of a lens that is no fisheye cannot be read; undistort the images")
+        model = "FULL_OPENCV" if value.get("k3") else "OPENCV"
+    lens = lens_of(model, [value.pop(name, 0.0) for name in CURVED.get(model, ())])
+    extra = {name: k for name, k in value.items() if k}
+    if extra and not model.endswith("FISHEYE"):
+        raise InputError(f"a lens {model} has no {', '.join(extra)}, which the file gives")
+    return lens
 
 
 def write(path: Path, cameras: Cameras, images: Mapping[str, str]) -> None:
