@@ -16,7 +16,7 @@ import pytest
 from silmesh.provenance import SOURCE
 
 BASE = {"errors", "files", "progress"}
-GROUND = {"cameras.camera", "cameras.lens", "softras", "hull", "remesh", "straighten"}
+GROUND = {"cameras.camera", "cameras.lens", "softras", "hull", "remesh", "straighten", "series"}
 ON = {  # what a module of it stands on
     "cameras.camera": {"cameras.lens"},
     "hull": {"cameras.camera"},
@@ -25,7 +25,7 @@ ON = {  # what a module of it stands on
 STAGES = {
     *("views", "silhouettes", "cameras", "scene", "shapes", "fitting", "evaluation", "report"),
     *("training", "synthetic", "meshes", "progress", "colouring", "quality", "alignment"),
-    *("agreement", "comparison", "judging"),
+    *("agreement", "comparison", "judging", "diagnosis"),
 }
 PLANNING = {"config", "manual", "datasets", "plan", "provenance", "lock", "warm"}
 # What a stage imports of another: the manifest of the working images, which says where each
@@ -36,6 +36,7 @@ BESIDES = {
     "cameras": {"views"},
     "synthetic": {"cameras.turntable"},
     "agreement": {"cameras.attempt", "scene", "evaluation"},
+    "diagnosis": {"views", "silhouettes"},
     "training": {"views", "silhouettes.network"},
 }
 
