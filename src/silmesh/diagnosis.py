@@ -57,10 +57,19 @@ def diagnose(silhouettes: np.ndarray, views: Sequence[View]) -> list[str]:
     return found + _describe_order(seen, named)
 
 
-def diagnose_folders(views: Path, silhouettes: Path) -> list[str]:
-    """``diagnose`` what lies in the folders of a stage's working images and silhouettes."""
+def diagnose_folders(views: Path, silhouettes: Path, coherent: bool = False) -> list[str]:
+    """``diagnose`` what lies in the folders of a stage's working images and silhouettes.
+
+    Args:
+        coherent: cameras agree with them, so that only what they do not show is said: what lies
+            beyond the frame of many photographs
+    """
     seen = read_views(views)
-    return diagnose(read_silhouettes(silhouettes, [view.view for view in seen]), seen)
+    found = read_silhouettes(silhouettes, [view.view for view in seen])
+    if not coherent:
+        return diagnose(found, seen)
+    cut = find_cut(found, [frame_of(view) for view in seen])
+    return describe_cut(found, seen) if len(cut) >= MANY * len(seen) else []
 
 
 def describe_shapes(views: Sequence[View]) -> list[str]:

@@ -14,10 +14,11 @@ CLOSED = 1.4  # of the larger differences between neighbours, up to which a roun
 NEAR = 0.8  # of the difference of any two views of a round, below which neighbours' is
 RISEN = 0.35  # of the mean rise of one round over another, that it has in every view
 NOTICED = 0.02  # of the object's size or area, below which a rise is nothing
+MATCHED = 0.3  # of what turning changes across, by which two rounds may differ there
 ALIKE = 0.03  # difference, below which silhouettes say nothing of their order
 SHUFFLED = 1.5  # times what the most similar views differ by, from which neighbours are none
 ALTERNATE = 0.6  # of the difference of neighbours, below which every other view is nearer
-STRAY = 2.5  # times the usual difference, or its neighbours', by which a view strays
+STRAY = 2.0  # times the usual difference, or its neighbours', by which a view strays
 GAP = 3.0  # times the usual difference and those beside it, from which something is missing
 
 
@@ -76,7 +77,7 @@ def find_rounds(series: Series) -> list[range]:
         edges = [round(count * k / rounds) for k in range(rounds + 1)]
         parts = [range(*ends) for ends in pairwise(edges)]
         if all(_is_closed(series, part) for part in parts) and all(
-            _measure_rise(series, *pair) >= RISEN for pair in pairwise(parts)
+            _is_another_round(series, *pair) for pair in pairwise(parts)
         ):
             return parts
     return _split(series, range(count))
@@ -115,28 +116,60 @@ def _is_dense(series: Series, part: range) -> bool:
     return bool(np.median(np.diagonal(inside, 1)) < NEAR * any_two or any_two < ALIKE)
 
 
-def _measure_rise(series: Series, first: range, second: range) -> float:
-    """How alike in all views two rounds differ in height: the least rise as a share of the mean.
+@dataclass(frozen=True)
+class _Laid:
+    """Two rounds laid on each other by what turning changes, which is where silhouettes lie across.
 
-    The rounds are laid on each other by what turning changes.
+    Attributes:
+        rise: [views, 3], by how much the second differs in ``upright``
+        missed: by how much they differ across, of what turning changes there
+        changed: the difference of a view from the one that it lies on, usually
     """
+
+    rise: np.ndarray
+    missed: float
+    changed: float
+
+
+def _lay(series: Series, first: range, second: range) -> _Laid:
     places = np.arange(len(second)) * len(first) / len(second)
     wrapped = np.r_[first, first.start]
 
-    def lay(values: np.ndarray, start: int, way: int) -> np.ndarray:
-        at = (way * places + start) % len(first)
+    def take(values: np.ndarray, at: np.ndarray) -> np.ndarray:
         rounded = np.arange(len(wrapped))
         return np.stack([np.interp(at, rounded, v[wrapped]) for v in values.T], axis=1)
 
-    def miss(laid: tuple[int, int]) -> float:
-        off = lay(series.across, *laid) - series.across[second]
+    def miss(at: np.ndarray) -> float:
+        off = take(series.across, at) - series.across[second]
         return float((off - off.mean(axis=0)).std())
 
-    laid = min(((start, way) for start in range(len(first)) for way in (1, -1)), key=miss)
-    rise = series.upright[second] - lay(series.upright, *laid)
+    ways = [(way * places + start) % len(first) for start in range(len(first)) for way in (1, -1)]
+    at = min(ways, key=miss)
+    turned = (series.across[second] - series.across[second].mean(axis=0)).std()
+    return _Laid(
+        series.upright[second] - take(series.upright, at),
+        miss(at) / max(float(turned), 1e-9),
+        float(np.median(series.differences[wrapped[at.round().astype(int)], second])),
+    )
+
+
+def _measure_rise(series: Series, first: range, second: range) -> float:
+    """How alike in all views two rounds differ in height: the least rise as a share of the mean."""
+    rise = _lay(series, first, second).rise
     mean = rise.mean(axis=0)
     least = (rise * np.sign(mean)).min(axis=0) / np.maximum(np.abs(mean), 1e-9)
     return float(np.where(np.abs(mean) > NOTICED, least, 0).max())
+
+
+def _is_another_round(series: Series, first: range, second: range) -> bool:
+    """Whether a round is seen from another height than the one before.
+
+    It rises over that in every view; or it turns alike, and differs otherwise.
+    """
+    laid = _lay(series, first, second)
+    usual = np.median(series.steps[second.start : second.stop - 1])
+    alike = laid.missed < MATCHED and laid.changed > max(usual / 3, ALIKE)
+    return alike or _measure_rise(series, first, second) >= RISEN
 
 
 def is_shuffled(series: Series) -> bool:

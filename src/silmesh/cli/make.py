@@ -20,6 +20,7 @@ from silmesh.cli.outcome import (
 from silmesh.cli.photographs import find_masks, find_photographs, is_video
 from silmesh.cli.runner import RunError, Runner
 from silmesh.cli.workspace import Workspace, place_of
+from silmesh.diagnosis import MEASURED
 from silmesh.errors import InputError
 
 VIDEO = "video"  # folder of what a video is cut into; no masks lie beside it
@@ -69,7 +70,9 @@ def make_mesh(
     runner = Runner(work.folder, cores, verbose)
     bar = Bar(len(files), silhouettes)
     try:
-        variant = _try(work, runner, bar, silhouettes, tries, options, [PAGE] if page else [])
+        variant, tried = _try(
+            work, runner, bar, silhouettes, tries, options, [PAGE] if page else []
+        )
     finally:
         bar.close()
     export(work.folder / work.result(variant, ""), output)
@@ -77,7 +80,7 @@ def make_mesh(
         copy(work.folder / PAGE, page)
     metrics = _read(work, variant)
     click.echo(describe(output, metrics))
-    for doubt in find_doubts(metrics, work.folder / "results"):
+    for doubt in find_doubts(metrics, work.folder / "results", tried):
         _say(f"doubtful: {doubt}")
 
 
@@ -116,14 +119,18 @@ def _try(
     tries: Sequence[str],
     options: dict[str, Any],
     besides: Sequence[str],
-) -> str:
-    """Try sources of cameras until the silhouettes agree with one: the variant that came of it.
+) -> tuple[str, tuple[str, ...]]:
+    """Try sources of cameras until the silhouettes agree with one.
+
+    Returns:
+        the variant that came of it, and the sources that were tried
 
     Raises:
         RunError: none gave a mesh
     """
-    made, failure = None, None
+    made, failure, tried = None, None, []
     for cameras, then in zip(tries, [*tries[1:], None], strict=True):
+        tried.append(cameras)
         try:
             variant = _run(work, runner, bar, silhouettes, cameras, options, besides)
         except RunError as error:
@@ -136,14 +143,20 @@ def _try(
             if coherence >= COHERENT:
                 break
         if then:
-            why = str(failure) if made is None else f"hull IoU {coherence:.2f}"
+            why, *measured = (
+                str(failure).splitlines() if made is None else [f"hull IoU {coherence:.2f}"]
+            )
             bar.say(f"silmesh: cameras: {then} (not {cameras}: {why})")
+            for line in measured:
+                bar.say(f"silmesh: {line.strip()}")
     if made is None and failure.step == "scene":
         found = work.folder / "results" / work.object / "stages" / "silhouettes"
-        raise RunError(f"{failure}\nsilmesh: {advise_on_cameras(found)}", failure.step)
+        measured = MEASURED in str(failure)
+        advice = advise_on_cameras(found, tried, measured)
+        raise RunError(f"{failure}\nsilmesh: {advice}", failure.step)
     if made is None:
         raise failure
-    return made
+    return made, tuple(tried)
 
 
 def _run(

@@ -45,6 +45,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         "doubtful": doubtful,
         "warnings": list(attempt.warnings),
         "figures": dict(attempt.figures),
+        "measured": diagnose_folders(given.views, given.silhouettes, best.mean >= COHERENT),
         "lost": read_lost(given.silhouettes),
         "unreadable": [view.view for view in read_views(given.views) if view.unreadable],
         "frame": _around(frames.values()),
