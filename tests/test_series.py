@@ -83,4 +83,4 @@ def test_one_view_that_strays_and_a_gap():
     wrong = seen.copy()
     wrong[16] = seen[7]
     assert find_strays(prepare(wrong)) == [16]
-    assert find_gaps(prepare(np.delete(seen, range(9, 18), axis=0))) == [9]
+    assert find_gaps(prepare(np.delete(turn(72, 15), range(9, 18), axis=0))) == [9]
