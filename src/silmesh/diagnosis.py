@@ -99,10 +99,11 @@ def describe_cut(silhouettes: np.ndarray, views: Sequence[View]) -> list[str]:
     cut = find_cut(silhouettes, [frame_of(view) for view in views])
     if not len(cut):
         return []
+    others = "leave those out, or " if len(cut) < len(views) else ""
     return [
         f"the frame cuts the object in {len(cut)} of {len(views)} photographs "
-        f"({_name([views[i] for i in cut])}): leave those out, or photograph the whole object, "
-        "from further away"
+        f"({_name([views[i] for i in cut])}): {others}photograph the whole object, from further "
+        "away"
     ]
 
 

@@ -14,6 +14,7 @@ CLOSED = 1.4  # of the larger differences between neighbours, up to which a roun
 NEAR = 0.8  # of the difference of any two views of a round, below which neighbours' is
 RISEN = 0.35  # of the mean rise of one round over another, that it has in every view
 NOTICED = 0.02  # of the object's size or area, below which a rise is nothing
+RISEN_UNEQUAL = 0.6  # of it, where rounds differ in length
 MATCHED = 0.3  # of what turning changes across, by which two rounds may differ there
 ALIKE = 0.03  # difference, below which silhouettes say nothing of their order
 SHUFFLED = 1.5  # times what the most similar views differ by, from which neighbours are none
@@ -96,7 +97,7 @@ def _split(series: Series, part: range) -> list[range]:
         ((_measure_rise(series, *pair), -pair[0].stop, pair) for pair in pairs),
         default=(0.0, 0, ()),
     )
-    if rise < RISEN:
+    if rise < RISEN_UNEQUAL:
         return [part]
     return [found for side in best for found in _split(series, side)]
 
