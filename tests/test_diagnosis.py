@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 from test_series import ROUND, turn
 
-from silmesh.diagnosis import diagnose, diagnose_folders, find_cut
+from silmesh.diagnosis import describe_masks, diagnose, diagnose_folders, find_cut
 from silmesh.silhouettes import write_silhouettes
 from silmesh.views import place_view, write_views
 
@@ -115,3 +115,15 @@ def test_of_a_coherent_scene_only_a_frame_that_cuts_many(tmp_path):
     write_silhouettes("mask", shown, tmp_path / "views", files, tmp_path / "seen")
     (said,) = diagnose_folders(tmp_path / "views", tmp_path / "seen", coherent=True)
     assert said.startswith("the frame cuts the object in 3 of 8 photographs (0, 1, 2): leave")
+
+
+def test_the_values_of_masks(tmp_path):
+    files = [tmp_path / f"{i}.png" for i in range(3)]
+    for file, values in zip(files, ([0, 1], [0, 2], [0, 7]), strict=True):
+        Image.fromarray(np.uint8([values] * 4)).save(file)
+    (said,) = describe_masks(files)
+    assert said.startswith("the masks hold the values 0, 1, 2, 7: 0 should be the background")
+    Image.fromarray(np.arange(64, dtype=np.uint8).reshape(8, 8)).save(files[1])
+    assert describe_masks(files)[0].startswith("the masks hold 64 values from 0 to 63: ")
+    files[0].write_bytes(b"no image")
+    assert describe_masks(files[:1]) == describe_masks([]) == []

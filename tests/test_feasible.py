@@ -51,7 +51,7 @@ def test_what_is_right_is_taken(refused):
 @pytest.mark.parametrize("preset", ["fast", "softras"])
 def test_a_gpu_that_is_not_there(refused, preset):
     said = refused(f"{{fit: {{preset: {preset}, device: cuda}}}}")
-    assert said.startswith("my.yaml: variants.a: fit.device: 'cuda', but torch finds no GPU")
+    assert said.startswith("my.yaml: variants.a.fit.device: 'cuda', but torch finds no GPU")
     assert "should be 'cpu', or 'auto'" in said
 
 
@@ -92,7 +92,7 @@ def test_backgrounds_that_are_not_there(refused):
 def test_the_foreground_model_without_its_library(refused, monkeypatch):
     monkeypatch.setattr("silmesh.feasible.find_spec", lambda name: None)
     said = refused("{silhouettes: matting}")
-    assert "silhouettes: 'matting' needs a library that is not installed: `pip install" in said
+    assert "silhouettes 'matting' needs a library that is not installed: `pip install" in said
 
 
 def test_a_holdout_that_leaves_nothing(refused):

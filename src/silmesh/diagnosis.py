@@ -29,6 +29,7 @@ from silmesh.views import View, read_views
 
 MEASURED = "measured: "  # begins the line of a finding
 NAMED = 3  # photographs of a finding
+LOOKED_AT, LISTED = 8, 6  # masks, spread over all; values that are listed
 PIECE = 0.02  # of a silhouette's area, from which a part of it is a piece
 SMALL = 0.005  # of the photograph, below which an object is small in it
 MANY = 0.25  # of the photographs, in which what is odd is said
@@ -105,6 +106,24 @@ def describe_cut(silhouettes: np.ndarray, views: Sequence[View]) -> list[str]:
         f"({_name([views[i] for i in cut])}): {others}photograph the whole object, from further "
         "away"
     ]
+
+
+def describe_masks(files: Sequence[Path]) -> list[str]:
+    """Which values some of the mask files hold, if there are any."""
+    values: set[int] = set()
+    for i in np.unique(np.linspace(0, len(files) - 1, min(LOOKED_AT, len(files))).round()):
+        try:
+            with Image.open(files[int(i)]) as mask:
+                values |= set(np.unique(np.asarray(mask)).astype(int).tolist())
+        except (OSError, SyntaxError, ValueError, TypeError, Image.DecompressionBombError):
+            continue  # what is wrong with it is said where it is read
+    if not values:
+        return []
+    if len(values) > LISTED:
+        held = f"{len(values)} values from {min(values)} to {max(values)}"
+    else:
+        held = "the values " + ", ".join(map(str, sorted(values)))
+    return [f"the masks hold {held}: 0 should be the background, and 255 the object"]
 
 
 def find_cut(silhouettes: np.ndarray, frames: Sequence[Sequence[int]]) -> np.ndarray:

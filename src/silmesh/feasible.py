@@ -32,19 +32,18 @@ def refuse_infeasible(run: "Run", where: str) -> None:
     Raises:
         InputError: it names the key, what there is, and what would be right
     """
-    with blaming(f"{where}: variants.{run.variant}"):
-        _refuse_lacking_gpu(run.fit.device)
-        _refuse_lacking_model(run.silhouettes)
+    _refuse_lacking_gpu(f"{where}: variants.{run.variant}.fit.device", run.fit.device)
+    _refuse_lacking_model(f"{where}: variants.{run.variant}", run.silhouettes)
     with blaming(f"{run.dataset.where} (variant {run.variant!r})"):
         _refuse_opaque(run.silhouettes, run.dataset.images)
         _refuse_few_views(run)
 
 
-def _refuse_lacking_gpu(device: str) -> None:
+def _refuse_lacking_gpu(key: str, device: str) -> None:
     if device == "cuda" and not _has_gpu():
         raise InputError(
-            "fit.device: 'cuda', but torch finds no GPU on this machine; should be 'cpu', or "
-            "'auto', which takes a GPU where the fit finds one"
+            f"{key}: 'cuda', but torch finds no GPU on this machine; should be 'cpu', or 'auto', "
+            "which takes a GPU where the fit finds one"
         )
 
 
@@ -55,10 +54,10 @@ def _has_gpu() -> bool:
     return torch.cuda.is_available()
 
 
-def _refuse_lacking_model(silhouettes: str) -> None:
+def _refuse_lacking_model(key: str, silhouettes: str) -> None:
     if silhouettes == "matting" and not all(find_spec(name) for name in MATTING):
         raise InputError(
-            "silhouettes: 'matting' needs a library that is not installed: "
+            f"{key}: silhouettes 'matting' needs a library that is not installed: "
             "`pip install 'silmesh[matting]'`; or should be another source"
         )
 

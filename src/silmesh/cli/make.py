@@ -20,7 +20,7 @@ from silmesh.cli.outcome import (
 from silmesh.cli.photographs import find_masks, find_photographs, is_video
 from silmesh.cli.runner import RunError, Runner
 from silmesh.cli.workspace import Workspace, place_of
-from silmesh.diagnosis import MEASURED
+from silmesh.diagnosis import MEASURED, describe_masks
 from silmesh.errors import InputError
 
 VIDEO = "video"  # folder of what a video is cut into; no masks lie beside it
@@ -151,9 +151,10 @@ def _try(
                 bar.say(f"silmesh: {line.strip()}")
     if made is None and failure.step == "scene":
         found = work.folder / "results" / work.object / "stages" / "silhouettes"
-        measured = MEASURED in str(failure)
-        advice = advise_on_cameras(found, tried, measured)
-        raise RunError(f"{failure}\nsilmesh: {advice}", failure.step)
+        advice = advise_on_cameras(found, tried, measured=MEASURED in str(failure))
+        lines = [f"{MEASURED}{said}" for said in describe_masks(work.masks)]
+        whole = "\n  ".join([str(failure), *lines])
+        raise RunError(f"{whole}\nsilmesh: {advice}", failure.step)
     if made is None:
         raise failure
     return made, tuple(tried)
