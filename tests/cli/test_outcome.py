@@ -52,7 +52,7 @@ def test_photographs_that_are_left_out_are_named():
         ({"hull_iou_mean": 0.71, "iou_mean": 0.7}, "no body fills more than 71% of these"),
         (
             {"hull_iou_mean": 0.71},
-            "the cameras are wrong: try --cameras colmap if the camera moved",
+            "only turns: try --cameras colmap",
         ),
         (
             {"hull_iou_mean": 0.71, "cameras": {"source": "turntable"}},

@@ -18,6 +18,8 @@ WHEN = {  # other cameras are worth a try
     CALIBRATE: "--cameras calibrate if the object turned before a camera that stood still",
     COLMAP: "--cameras colmap if the camera moved",
 }
+TURNED = "the photographs are not of one object that only turns"
+OTHERWISE = "the cameras are wrong"
 KNOWN = "give known cameras by --cameras file:PATH"
 
 
@@ -56,13 +58,14 @@ def find_doubts(metrics: Mapping[str, Any], folder: Path, tried: Sequence[str] =
         tried: the sources of cameras that were tried, beside that of the mesh
     """
     silhouettes = folder / metrics["silhouettes"]
-    doubts = list(metrics["measured"])
+    doubts = list(metrics.get("measured", ()))  # results of before have none
+    turns = metrics["cameras"]["source"] == CALIBRATE
     if metrics["hull_iou_mean"] < HULL:
         doubts.append(
             f"cameras and silhouettes contradict each other: no body fills more than "
             f"{metrics['hull_iou_mean']:.0%} of these. Look at the silhouettes in "
             f"{quote(str(silhouettes))}: where they are not the object's, give --masks or other "
-            "--silhouettes; where they are, the cameras are wrong: "
+            f"--silhouettes; where they are, {TURNED if turns else OTHERWISE}: "
             + _advise_others([*tried, *_list_sources(metrics["cameras"])])
         )
     elif metrics["iou_mean"] < MEAN:
