@@ -16,7 +16,7 @@ import pytest
 from silmesh.provenance import SOURCE
 
 BASE = {"errors", "files", "progress"}
-GROUND = {"cameras.camera", "cameras.lens", "softras", "hull", "remesh", "straighten"}
+GROUND = {"cameras.camera", "cameras.lens", "softras", "hull", "remesh", "straighten", "series"}
 ON = {  # what a module of it stands on
     "cameras.camera": {"cameras.lens"},
     "hull": {"cameras.camera"},
@@ -25,9 +25,9 @@ ON = {  # what a module of it stands on
 STAGES = {
     *("views", "silhouettes", "cameras", "scene", "shapes", "fitting", "evaluation", "report"),
     *("training", "synthetic", "meshes", "progress", "colouring", "quality", "alignment"),
-    *("agreement", "comparison", "conventions", "judging"),
+    *("agreement", "comparison", "conventions", "diagnosis", "judging"),
 }
-PLANNING = {"config", "manual", "datasets", "plan", "provenance", "lock", "warm"}
+PLANNING = {"config", "manual", "datasets", "feasible", "plan", "provenance", "lock", "warm"}
 # What a stage imports of another: the manifest of the working images, which says where each
 # photograph lies in its view; the turntable that the made-up photographs are taken on; and the
 # network that is trained. What judges attempts at cameras by the silhouettes stands on all three.
@@ -37,6 +37,7 @@ BESIDES = {
     "synthetic": {"cameras.turntable"},
     "agreement": {"cameras.attempt", "scene", "evaluation"},
     "conventions": {"cameras.attempt", "scene", "agreement"},
+    "diagnosis": {"views", "silhouettes"},
     "training": {"views", "silhouettes.network"},
 }
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from silmesh.cameras.attempt import Attempt
+from silmesh.cameras.attempt import TRY_CALIBRATE, Attempt
 from silmesh.cameras.camera import Cameras, Similarity
 from silmesh.errors import InputError
 from silmesh.evaluation import coherence
@@ -99,8 +99,8 @@ def refuse_incoherent(attempt: Attempt, silhouettes: np.ndarray) -> Attempt:
         f"cameras {attempt.source!r}: {len(attempt.cameras)} photographs have a camera, but the "
         f"silhouettes contradict these: the largest body that they all allow fills {mean:.0%} of "
         f"them (at least {REFUSED:.0%} is asked). Perhaps the photographs were aligned by a "
-        "background that stands still while the object turns (masks, or cameras 'calibrate', leave "
-        "it out), or the silhouettes are not the object's"
+        "background that stands still while the object turns (which masks leave out), or the "
+        f"silhouettes are not the object's{TRY_CALIBRATE}"
     )
     return replace(attempt, cameras=None, refusal=why)
 

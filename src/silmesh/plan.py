@@ -40,6 +40,13 @@ from silmesh.config import (
 )
 from silmesh.datasets import Dataset, Turntable, read_datasets, resolve_cameras
 from silmesh.errors import InputError
+from silmesh.feasible import (
+    refuse_infeasible,
+    refuse_lacking_backgrounds,
+    refuse_other_table,
+    refuse_other_weights,
+    refuse_unknown_weights,
+)
 
 FOUND = ("calibrate", "colmap", "auto")  # sources that look at the silhouettes
 COLMAP = {  # the attempts of COLMAP's, by whether it masks
@@ -239,6 +246,8 @@ class Plan:
         _refuse_lacking_curves(self.config, where)
         datasets = read_datasets(self.config.datasets)
         self.runs = [run for dataset in datasets for run in _runs_of(dataset, self.config, where)]
+        for run in self.runs:
+            refuse_infeasible(run, where)
         self.trained_on = _to_train_on(datasets, self.config, where)
 
     def run(self, object_: str, variant: str) -> Run:
@@ -302,7 +311,10 @@ def _to_train_on(datasets: list[Dataset], config: Config, where: str) -> list[Da
             )
     if set(names) <= set(config.train.holdout):
         raise InputError(f"{where}: train.holdout: leaves no object with masks to train on")
-    _refuse_lacking(f"{where}: train.weights", config.train.weights, promised=False)
+    _refuse_lacking(
+        f"{where}: train.weights", config.train.weights, config.train.model, promised=False
+    )
+    refuse_lacking_backgrounds(f"{where}: train.backgrounds", config.train.backgrounds)
     return masked
 
 
@@ -313,12 +325,21 @@ def _refuse_lacking_curves(config: Config, where: str) -> None:
             f"{where}: published: {config.published}: is not there; should be a table with the "
             "columns object,variant,iteration,loss"
         )
+    if config.published:
+        refuse_other_table(f"{where}: published", config.published)
 
 
-def _refuse_lacking(key: str, weights: str, promised: bool) -> None:
-    """Refuse a file of weights that is neither there nor made by this run."""
-    file = None if weights == "none" else _weights_file(weights)
-    if file is None or file.is_file() or (promised and file == TRAINED):
+def _refuse_lacking(key: str, weights: str, model: str, promised: bool) -> None:
+    """Refuse weights that torchvision lacks, or a file that is not there nor made by this run."""
+    if weights == "none":
+        return
+    if (file := _weights_file(weights)) is None:
+        refuse_unknown_weights(key, weights, model)
+        return
+    if promised and file == TRAINED:
+        return
+    if file.is_file():
+        refuse_other_weights(key, file)
         return
     raise InputError(
         f"{key}: {file}: is not there; should be a file of weights, or torchvision's name of them, "
@@ -358,7 +379,8 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
     silhouettes = variant.silhouettes or dataset.silhouettes
     if silhouettes == "deeplab":
         key = f"variants.{name}.deeplab.weights" if variant.deeplab.weights else "deeplab.weights"
-        _refuse_lacking(f"{where}: {key}", deeplab.weights, promised=config.train is not None)
+        promised = config.train is not None
+        _refuse_lacking(f"{where}: {key}", deeplab.weights, deeplab.model, promised)
     if silhouettes == "mask" and dataset.images[0].suffix == ".npy":
         raise InputError(
             f"{dataset.where}: silhouettes are 'mask' (variant {name!r}), but an array of images "

@@ -308,6 +308,22 @@ def test_an_object_that_the_frame_cuts():
     )
 
 
+def test_an_object_that_the_frame_of_a_padded_photograph_cuts():
+    """The photograph ends above the end of its square image, and the bear's feet below it."""
+    cameras = stand(30 * np.arange(12), shift=(0.03, 0.0))
+    seen = render("bear", cameras)
+    below = int(np.flatnonzero(seen.any(axis=(0, 2))).max()) - 14
+    seen[:, below:] = False
+    frames = np.tile([0, SIZE - below, SIZE, below], (12, 1))
+    blind = attempt_calibration(seen, cameras.views, step=30)
+    assert not any("frame cuts" in warning for warning in blind.warnings)
+    found = calibrate(seen, cameras.views, step=30, frames=frames)
+    assert found.rms < blind.figures["rms"]
+    assert found.estimates["elevation"].value == pytest.approx(12, abs=1.5)
+    assert found.warnings[0].startswith("the frame cuts the object in 12 of 12 views")
+    assert found.estimates["axis"].value == pytest.approx(axis_at(cameras, found.row), abs=0.5)
+
+
 def test_a_full_silhouette_is_named(bear):
     cameras, seen = bear
     full = seen.copy()

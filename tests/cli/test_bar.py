@@ -58,6 +58,7 @@ def test_what_is_drawn(clock):
     bar.finish("1", "fit")
     bar.begin("2", "evaluating")
     bar.close()
+    assert "\n" not in terminal.getvalue()  # no line for a stage beside the bar
     drawn = [line.rstrip() for line in terminal.getvalue().split("\r")]
     assert f"  0% |{' ' * 20}| about {2 * SECONDS['fit'][0]:.0f} s left: fitting" in drawn
     assert any(re.match(r" 50% \|.{20}\| about \d+ s left: evaluating", line) for line in drawn)
@@ -75,15 +76,24 @@ def test_a_narrow_terminal_has_room_for_the_time(clock, monkeypatch):
     assert max(map(len, drawn)) <= 40
 
 
-def test_it_is_quiet_where_nobody_watches():
+def test_where_nobody_watches_it_is_a_line_a_stage_with_its_time(clock):
     stream = io.StringIO()
     bar = Bar(views=3, source="mask", stream=stream)
-    bar.plan({"fit": 2})
+    bar.plan({"fit": 1, "judge": 1})
     bar.begin("1", "fitting")
+    bar.begin("2", "judging its views")
+    bar.go_on("fit", 0.5)
     assert stream.getvalue() == ""
+    clock[0] = 3.25
+    bar.finish("2", "judge")
+    assert stream.getvalue() == "silmesh: judging its views: 3.2 s\n"
     bar.say("a line")
+    clock[0] = 140
+    bar.finish("1", "fit")
     bar.close()
-    assert stream.getvalue() == "a line\n"
+    lines = ["silmesh: judging its views: 3.2 s", "a line", "silmesh: fitting: 140.0 s"]
+    assert stream.getvalue().splitlines() == lines
+    assert "\r" not in stream.getvalue()
 
 
 def test_a_network_takes_its_time():

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 import trimesh
 
-from silmesh.cli.outcome import describe, export, find_doubts, refuse_suffix
+from silmesh.cli.outcome import (
+    advise_on_cameras,
+    describe,
+    export,
+    find_doubts,
+    refuse_suffix,
+)
 from silmesh.errors import InputError
 from silmesh.meshes import write_coloured
 
@@ -14,6 +20,7 @@ GOOD = {
     "iou": {"a": 0.999, "b": 0.9858},
     "hull_iou_mean": 0.987,
     "cameras": {"source": "calibrate", "dropped": {}},
+    "measured": [],
     "views": 72,
     "views_dropped": 0,
     "views_repaired": 0,
@@ -43,11 +50,15 @@ def test_photographs_that_are_left_out_are_named():
     ("change", "advice"),
     [
         ({"hull_iou_mean": 0.71, "iou_mean": 0.7}, "no body fills more than 71% of these"),
-        ({"hull_iou_mean": 0.71}, "only turns: try --cameras colmap"),
+        (
+            {"hull_iou_mean": 0.71},
+            "only turns: try --cameras colmap",
+        ),
         (
             {"hull_iou_mean": 0.71, "cameras": {"source": "turntable"}},
             "the cameras are wrong: try --cameras calibrate if the object turned",
         ),
+        ({"measured": ["the frame cuts it"]}, "the frame cuts it"),
         ({"iou_mean": 0.9}, "the fit ended early: try --init auto"),
         ({"iou": {"a": 0.99, "b": 0.3, "c": 0.8}}, "misses the object in b, c: look at their"),
         (
@@ -62,6 +73,37 @@ def test_what_is_doubtful_is_said_with_what_to_do(change, advice):
     (doubt,) = find_doubts(metrics, Path("/r"))
     assert advice in doubt
     assert ": doubtful; " in describe(Path("m.glb"), metrics)
+
+
+@pytest.mark.parametrize(
+    ("tried", "attempts", "advised"),
+    [
+        (["calibrate"], [], {"colmap"}),
+        (["calibrate", "auto"], [], set()),
+        ([], ["colmap", "calibrate"], set()),
+        (["colmap"], [], {"calibrate"}),
+        (["file:x.json"], [], {"calibrate", "colmap"}),
+    ],
+)
+def test_no_cameras_are_advised_that_were_tried(tried, attempts, advised):
+    cameras = {
+        "source": tried[0] if tried else "colmap",
+        "attempts": [{"source": s} for s in attempts],
+    }
+    (doubt,) = find_doubts(GOOD | {"hull_iou_mean": 0.7, "cameras": cameras}, Path("/r"), tried)
+    said = advise_on_cameras(Path("/r"), tried, measured=False)
+    assert "--cameras file:PATH" in doubt
+    assert {s for s in ("calibrate", "colmap") if f"--cameras {s}" in doubt} == advised
+    if tried:
+        assert {s for s in ("calibrate", "colmap") if f"--cameras {s}" in said} == advised
+
+
+def test_where_something_was_measured_the_advice_is_that():
+    said = advise_on_cameras(Path("/my results"), ["calibrate"], measured=True)
+    assert "in '/my results'; where" in said
+    assert "do what stands beside what was measured" in said
+    assert "at most 20 degrees" not in said
+    assert "--cameras colmap" not in said
 
 
 @pytest.mark.parametrize("suffix", [".glb", ".obj", ".ply", ".stl", ".PLY"])

@@ -70,5 +70,16 @@ def test_an_object_may_touch_the_border():
     np.testing.assert_array_equal(separate(pixels), shape)
 
 
+def test_an_object_that_covers_an_eighth_of_the_border():
+    """The frame cuts it below: the border's noise is not the object's contrast."""
+    wide = (np.abs(COLUMNS - 64) < 28) & (ROWS > 30)
+    assert 0.11 < wide[-1].sum() / (2 * (96 + 128)) < 0.13
+    for noise in (0, 3):
+        rng = np.random.default_rng(0)
+        grey = np.where(wide, 90 + 60 * (ROWS > 60), 10) + rng.normal(0, noise, wide.shape)
+        pixels = np.repeat(grey[..., None], 3, axis=-1).clip(0, 255).astype(np.uint8)
+        assert iou(separate(pixels), wide) > 0.98
+
+
 def test_a_blank_photograph_shows_nothing():
     assert not separate(np.full((20, 30, 3), 77, np.uint8)).any()

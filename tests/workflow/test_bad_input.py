@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+import torch
 from PIL import Image
 
 from silmesh.lock import hold
@@ -147,6 +148,47 @@ def test_a_second_objects_mistake_is_found_before_the_first_ones_fit(fresh):
     said = refusal(fresh, cores=1)
     assert "jug_r90.png" in message(said)
     assert not (fresh / "logs/fit").exists()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        (
+            "3}\n  boxed",
+            "3, device: cuda}\n  boxed",
+            "variants.round.fit.device: 'cuda', but torch",
+        ),
+        (
+            "datasets:",
+            "published: curves.csv\ndatasets:",
+            "curves.csv: lacks iteration, loss; should",
+        ),
+    ],
+)
+def test_what_would_be_found_at_the_end_is_refused_in_a_dry_run(fresh, old, new, expected):
+    if "cuda" in new and torch.cuda.is_available():
+        pytest.skip("there is a GPU")
+    (fresh / "curves.csv").write_text("object,variant\ncup,round\n")
+    fresh.edit("config/config.yaml", old, new)
+    said = message(refusal(fresh, "--dry-run"))
+    assert said.startswith("silmesh: config/config.yaml: ")
+    assert expected in said
+    assert not (fresh / "results").exists()
+
+
+def test_what_was_measured_is_said_where_no_cameras_are_found(fresh):
+    """Silhouettes that no turntable explains, of which some were turned."""
+    fresh.edit("config/datasets.tsv", "mask\tturntable\t2.732,0,90", "mask\tcalibrate\t")
+    for i, (x, y) in enumerate([(2, 2), (25, 17), (4, 18), (22, 3)]):
+        for kind in ("png2", "mask2"):
+            overwrite(fresh / f"photos/{kind}/cup/cup_r{i * 90}.png", box=(x, y, x + 9, y + 12))
+    for kind in ("png2", "mask2"):
+        path = fresh / f"photos/{kind}/cup/cup_r90.png"
+        Image.open(path).transpose(Image.Transpose.ROTATE_90).save(path)
+    said = refusal(fresh, cores=1)
+    assert "no turntable explains these silhouettes: at best their outlines miss" in said
+    assert "measured: 1 of 4 photographs are upright (32x40) and 3 are lying (40x32)" in said
+    assert "in the order in which they were taken" not in said
 
 
 def test_photographs_that_colmap_cannot_use(fresh):

@@ -19,6 +19,14 @@ WORLD_TO_CAMERA = "world to camera"  # how a file writes poses
 CAMERA_TO_WORLD = "camera to world"
 CAMERA_TO_WORLD_OPENGL = "camera to world, OpenGL's axes"
 
+# What refusals end with: advice that is left out where another source was tried already, or where
+# what is wrong was measured.
+TRY_CALIBRATE = "; if the object turned before a camera that stood still, try cameras 'calibrate'"
+CHECK_SERIES = (
+    ". Are the views in the order in which they were taken, one even step apart, the camera still, "
+    "and the silhouettes whole? A known step and elevation help: turntable ',elevation,step'"
+)
+
 
 @dataclass(frozen=True)
 class Attempt:

@@ -14,7 +14,7 @@ import numpy as np
 import torch
 from scipy.optimize import OptimizeResult
 
-from silmesh.cameras.attempt import Attempt
+from silmesh.cameras.attempt import CHECK_SERIES, Attempt
 from silmesh.cameras.camera import Cameras
 from silmesh.cameras.tangency import Misses, distance_between, trace
 from silmesh.cameras.turning import (
@@ -107,6 +107,7 @@ def calibrate(
     distance: float | None = None,
     above_table: bool = True,
     aspect: float = 1.0,
+    frames: np.ndarray | None = None,
     progress: Share = untold,
 ) -> Calibration:
     """Find the cameras of a turntable.
@@ -122,6 +123,8 @@ def calibrate(
             clearly says so; it tells an object from its mirror image, which turns the other way
             before a camera below
         aspect: height over width of a square's image, for photographs that were stretched
+        frames: [views, 4] left, top, right and bottom of the photographs within the images: beyond
+            them nothing is known; the whole images if not given
         progress: is told which share is done
 
     Raises:
@@ -136,7 +139,7 @@ def calibrate(
         )
     samples = int(np.clip(POINTS // len(views), FEWEST_SAMPLES, MOST_SAMPLES))
     named = [views[i] for i in shown]
-    outlines = trace(silhouettes[shown], samples, named)
+    outlines = trace(silhouettes[shown], samples, named, None if frames is None else frames[shown])
     turn = Turntable(outlines, silhouettes.shape[1], aspect, distance, shown)
     known = [i for i, value in ((ELEVATION, elevation), (STEP, step)) if value is not None]
     sides = (1,) if above_table else (1, -1)
@@ -154,13 +157,16 @@ def calibrate(
     best = _fit_offsets(turn, fits[0], known)
     progress(1)
     misses = turn.misses(best.x)
-    said = _look_at(turn, silhouettes[shown], named)
-    _refuse_incoherent(turn, misses, said)
+    repeated = _find_repeated(silhouettes[shown], named)
+    _refuse_incoherent(turn, misses, repeated)
+    said = [*repeated, *_find_cut(turn, named)]
     return _report(turn, best, misses, known, views, _find_rivals(turn, fits), mirror, said)
 
 
 def attempt_calibration(
-    silhouettes: np.ndarray, views: Sequence[str], **known: float | bool | Share | None
+    silhouettes: np.ndarray,
+    views: Sequence[str],
+    **known: float | bool | np.ndarray | Share | None,
 ) -> Attempt:
     """``calibrate`` with the same arguments, as an attempt: a refusal is kept, not raised."""
     try:
@@ -270,21 +276,23 @@ def _fit_offsets(turn: Turntable, fit: OptimizeResult, known: Sequence[int]) -> 
     return turn.fit(fit.x, _free(turn, known, offsets=True), OFFSET_STEPS)
 
 
-def _look_at(turn: Turntable, silhouettes: np.ndarray, views: Sequence[str]) -> list[str]:
-    """What a person should know of the silhouettes, in sentences."""
-    said = []
+def _find_repeated(silhouettes: np.ndarray, views: Sequence[str]) -> list[str]:
+    """Which neighbours show the same, in a sentence, if any do."""
     changes = np.array([(a ^ b).sum() for a, b in pairwise(silhouettes)])
     twice = np.flatnonzero(changes < REPEATED * np.median(changes))
-    if len(twice):
-        pairs = [f"{views[i]!r} and {views[i + 1]!r}" for i in twice]
-        said.append(
-            f"{_list(pairs)} show the same silhouette: if a photograph came twice, leave one out"
-        )
+    if not len(twice):
+        return []
+    pairs = [f"{views[i]!r} and {views[i + 1]!r}" for i in twice]
+    return [f"{_list(pairs)} show the same silhouette: if a photograph came twice, leave one out"]
+
+
+def _find_cut(turn: Turntable, views: Sequence[str]) -> list[str]:
+    """In which views the frame cuts the object, in a sentence, if it does."""
     cut = np.flatnonzero(turn.outlines.cut)
-    if len(cut):
-        names = _list([repr(views[i]) for i in cut])
-        said.append(f"the frame cuts the object in {len(cut)} of {len(views)} views: {names}")
-    return said
+    if not len(cut):
+        return []
+    names = _list([repr(views[i]) for i in cut])
+    return [f"the frame cuts the object in {len(cut)} of {len(views)} views: {names}"]
 
 
 def _list(items: Sequence[str]) -> str:
@@ -299,9 +307,7 @@ def _refuse_incoherent(turn: Turntable, misses: Misses, said: Sequence[str]) -> 
         raise InputError(
             f"cameras 'calibrate': no turntable explains these silhouettes: at best their "
             f"outlines miss each other by {rms:.2g} pixels (root mean square; at most "
-            f"{allowed:.2g} is accepted). Are the views in the order in which they were taken, "
-            "one even step apart, the camera still, and the silhouettes whole? A known step and "
-            "elevation help: turntable ',elevation,step'" + "".join(f"; {s}" for s in said)
+            f"{allowed:.2g} is accepted)" + "".join(f"; {s}" for s in said) + CHECK_SERIES
         )
 
 

@@ -12,7 +12,7 @@ import pycolmap
 import torch
 from torch import Tensor
 
-from silmesh.cameras.attempt import Attempt
+from silmesh.cameras.attempt import TRY_CALIBRATE, Attempt
 from silmesh.cameras.camera import Cameras
 from silmesh.cameras.features import POOR
 from silmesh.cameras.lens import Lens, lens_of
@@ -91,7 +91,7 @@ def refuse_poor(figures: dict) -> None:
     )
     hint = (
         "More photographs, that follow one another by at most 20 degrees, or a patterned sheet "
-        "that lies under the object and turns with it, would help; or try cameras 'calibrate'"
+        f"that lies under the object and turns with it, would help{TRY_CALIBRATE}"
     )
     if len(models := figures["models"]) > 1:
         told += f"; COLMAP found groups of {', '.join(map(str, models))} that it cannot join"
@@ -114,8 +114,8 @@ def refuse_unturned(R: Tensor, figures: dict) -> None:
         raise InputError(
             f"the cameras found look the same way to within {widest:.1f} "
             f"degrees (at least {TURNED:g} are needed): the photographs were aligned by a "
-            "background that stands still while the object turns. Masks, or cameras 'calibrate', "
-            "leave it out"
+            f"background that stands still while the object turns, which masks leave out"
+            f"{TRY_CALIBRATE}"
         )
 
 

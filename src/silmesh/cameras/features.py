@@ -19,6 +19,7 @@ import PIL.Image  # before pycolmap, or saving a PNG crashes
 import pycolmap
 from scipy.ndimage import binary_dilation
 
+from silmesh.cameras.attempt import TRY_CALIBRATE
 from silmesh.cameras.stages import DATABASE, Report
 from silmesh.errors import InputError
 from silmesh.progress import Share, untold
@@ -99,8 +100,7 @@ def _refuse_array(paths: Sequence[Path]) -> None:
         height, width = np.load(paths[0], mmap_mode="r").shape[2:]
         raise InputError(
             f"{paths[0]}: an array of images ({width}x{height} pixels); cameras 'colmap' needs the "
-            f"photographs as files, of at least {LEAST_SIDE} pixels; "
-            "try cameras 'calibrate' or a file of cameras"
+            f"photographs as files, of at least {LEAST_SIDE} pixels{TRY_CALIBRATE}"
         )
 
 
@@ -114,7 +114,7 @@ def _look_at(path: Path, max_size: int, count: int) -> Photograph | str:
     if max(width, height) < LEAST_SIDE:
         raise InputError(
             f"{path}: has {width}x{height} pixels; cameras 'colmap' needs photographs of at least "
-            f"{LEAST_SIDE} pixels; try cameras 'calibrate'"
+            f"{LEAST_SIDE} pixels{TRY_CALIBRATE}"
         )
     digest = hashlib.sha256(image.tobytes()).hexdigest()
     scale = min(1.0, max_size / max(width, height))
@@ -176,8 +176,8 @@ def _describe(found: Sequence[Photograph], repeated: dict[str, str]) -> Report:
         raise InputError(
             f"cameras 'colmap': the photographs show too little texture: {median:.0f} features in "
             f"half of them (at least {FEW_FEATURES} are needed). Sharper or larger photographs, or "
-            "a patterned sheet that lies under the object and turns with it, would help; "
-            "or try cameras 'calibrate', which needs none"
+            f"a patterned sheet that lies under the object and turns with it, would help"
+            f"{TRY_CALIBRATE}"
         )
     report = Report(
         dropped={view: f"the same picture as {of!r}" for view, of in repeated.items()},
@@ -275,7 +275,7 @@ def keep_inside(
         raise InputError(
             f"cameras 'colmap' with masks: the object itself shows too little texture: "
             f"{median:.0f} features in half of the photographs (at least {FEW_FEATURES} are "
-            "needed); try cameras 'calibrate', which needs none"
+            f"needed){TRY_CALIBRATE}"
         )
     return before.tell(features_inside=counts)
 

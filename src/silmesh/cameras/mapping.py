@@ -7,6 +7,7 @@ from pathlib import Path
 import PIL.Image  # noqa: F401, before pycolmap, or saving a PNG crashes
 import pycolmap
 
+from silmesh.cameras.attempt import TRY_CALIBRATE
 from silmesh.cameras.features import quieten
 from silmesh.cameras.matching import linked
 from silmesh.cameras.stages import MODEL, Report
@@ -98,6 +99,6 @@ def _say_none(report: Report) -> str:
         f"cameras 'colmap': no cameras explain the matches: {figures['pairs_verified']} of "
         f"{figures['pairs']} pairs of photographs have some, {figures['inliers_median']:.0f} in "
         "half of these. Perhaps the photographs hardly turn around the object, or what they share "
-        "is a background that stands still while the object turns; try masks, or cameras "
-        "'calibrate'"
+        "is a background that stands still while the object turns, which masks leave out"
+        f"{TRY_CALIBRATE}"
     )

@@ -12,6 +12,7 @@ import numpy as np
 import PIL.Image  # noqa: F401, before pycolmap, or saving a PNG crashes
 import pycolmap
 
+from silmesh.cameras.attempt import TRY_CALIBRATE
 from silmesh.cameras.features import quieten
 from silmesh.cameras.stages import DATABASE, Report
 from silmesh.errors import InputError
@@ -108,7 +109,7 @@ def _count_verified(database: Path, tried: int) -> dict[str, object]:
         raise InputError(
             f"cameras 'colmap': no two photographs overlap: of {tried} pairs none shares features "
             "that one rigid scene explains. Photographs should follow one another by at most "
-            "20 degrees, be sharp, and show one object; or try cameras 'calibrate'"
+            f"20 degrees, be sharp, and show one object{TRY_CALIBRATE}"
         )
     return {
         "pairs": tried,

@@ -62,11 +62,18 @@ class Outlines:
         )
 
 
-def trace(silhouettes: np.ndarray, samples: int, views: Sequence[str]) -> Outlines:
+def trace(
+    silhouettes: np.ndarray,
+    samples: int,
+    views: Sequence[str],
+    frames: np.ndarray | None = None,
+) -> Outlines:
     """Prepare silhouettes, [views, height, width] bool, with so many points on each outline.
 
     Args:
         views: their names, for messages
+        frames: [views, 4] left, top, right and bottom of the photographs within the images; the
+            whole images if not given
 
     Raises:
         InputError: a silhouette is empty or fills its image
@@ -79,10 +86,28 @@ def trace(silhouettes: np.ndarray, samples: int, views: Sequence[str]) -> Outlin
     with ThreadPoolExecutor(torch.get_num_threads()) as pool:
         distances = np.stack(list(pool.map(lambda s: _measure_distance(s, far), silhouettes)))
     points = np.stack([_spread_points(d, samples) for d in distances])
-    side = np.array(silhouettes.shape[:0:-1])  # width, height
-    known = ((points > EDGE) & (points < side - EDGE)).all(axis=2)
-    cut = np.array([s[[0, -1]].any() or s[:, [0, -1]].any() for s in silhouettes])
+    if frames is None:
+        frames = np.tile([0, 0, *silhouettes.shape[:0:-1]], (len(silhouettes), 1))
+    least, most = frames[:, None, :2] + EDGE, frames[:, None, 2:] - EDGE
+    known = ((points > least) & (points < most)).all(axis=2)
+    cut = np.array([_is_cut(s, frame) for s, frame in zip(silhouettes, frames, strict=True)])
+    for i in np.flatnonzero(cut):
+        _forget_beyond(distances[i], frames[i])
     return Outlines(distances, cut, points, known, far)
+
+
+def _is_cut(silhouette: np.ndarray, frame: Sequence[int]) -> bool:
+    left, top, right, bottom = frame
+    inside = silhouette[top:bottom, left:right]
+    return bool(inside[[0, -1]].any() or inside[:, [0, -1]].any())
+
+
+def _forget_beyond(distance: np.ndarray, frame: Sequence[int]) -> None:
+    """Make unknown, NaN, what lies beyond a photograph's frame."""
+    left, top, right, bottom = frame
+    inside = distance[top:bottom, left:right].copy()
+    distance[:] = np.nan
+    distance[top:bottom, left:right] = inside
 
 
 def _measure_distance(silhouette: np.ndarray, far: float) -> np.ndarray:
@@ -172,7 +197,7 @@ def distance_between(outlines: Outlines) -> float:
     """By how much the other outlines differ from the first: root mean square, in pixels."""
     x, y = np.moveaxis(outlines.points[outlines.known], -1, 0) - 0.5
     off = map_coordinates(outlines.distances[0], (y, x), order=1, mode="nearest")
-    return float(np.sqrt((off**2).mean()))
+    return float(np.sqrt(np.nanmean(off**2)))
 
 
 def measure_at(outlines: Outlines, misses: Misses, rays: Pose, seen: Pose) -> np.ndarray:

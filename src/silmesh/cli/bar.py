@@ -50,7 +50,9 @@ class _Job:
 
 
 class Bar:
-    """Steps done, what is at work, and about how long the rest takes; nothing if no terminal.
+    """Steps done, what is at work, and about how long the rest takes.
+
+    If it is drawn on no terminal, it is a line for each step as that ends, with its time.
 
     Args:
         views: how many photographs there are
@@ -103,7 +105,9 @@ class Bar:
 
     def finish(self, job: str, rule: str) -> None:
         """A job ends."""
-        self._running.pop(job, None)
+        ended = self._running.pop(job, None)
+        if ended and self._drawn.disable:
+            self.say(f"silmesh: {ended.what}: {time.monotonic() - ended.began:.1f} s")
         if self._left.get(rule):
             self._left[rule] -= 1
             self._done += self._expect(rule)

@@ -20,6 +20,7 @@ from silmesh.cli.outcome import (
 from silmesh.cli.photographs import find_masks, find_photographs, is_video
 from silmesh.cli.runner import RunError, Runner
 from silmesh.cli.workspace import Workspace, place_of
+from silmesh.diagnosis import MEASURED, describe_masks
 from silmesh.errors import InputError
 
 VIDEO = "video"  # folder of what a video is cut into; no masks lie beside it
@@ -70,7 +71,9 @@ def make_mesh(
     runner = Runner(work.folder, cores, verbose)
     bar = Bar(len(files), silhouettes)
     try:
-        variant = _try(work, runner, bar, silhouettes, tries, options, [PAGE] if page else [])
+        variant, tried = _try(
+            work, runner, bar, silhouettes, tries, options, [PAGE] if page else []
+        )
     finally:
         bar.close()
     export(work.folder / work.result(variant, ""), output)
@@ -80,7 +83,7 @@ def make_mesh(
     if metrics["cameras"]["source"] == FILE:
         _say(*(_as_written(warning, tries[0]) for warning in metrics["cameras"]["warnings"]))
     click.echo(describe(output, metrics))
-    for doubt in find_doubts(metrics, work.folder / "results"):
+    for doubt in find_doubts(metrics, work.folder / "results", tried):
         _say(f"doubtful: {doubt}")
 
 
@@ -119,14 +122,18 @@ def _try(
     tries: Sequence[str],
     options: dict[str, Any],
     besides: Sequence[str],
-) -> str:
-    """Try sources of cameras until the silhouettes agree with one: the variant that came of it.
+) -> tuple[str, tuple[str, ...]]:
+    """Try sources of cameras until the silhouettes agree with one.
+
+    Returns:
+        the variant that came of it, and the sources that were tried
 
     Raises:
         RunError: none gave a mesh
     """
-    made, failure = None, None
+    made, failure, tried = None, None, []
     for cameras, then in zip(tries, [*tries[1:], None], strict=True):
+        tried.append(cameras)
         try:
             variant = _run(work, runner, bar, silhouettes, cameras, options, besides)
         except RunError as error:
@@ -139,14 +146,21 @@ def _try(
             if coherence >= COHERENT:
                 break
         if then:
-            why = str(failure) if made is None else f"hull IoU {coherence:.2f}"
+            why, *measured = (
+                str(failure).splitlines() if made is None else [f"hull IoU {coherence:.2f}"]
+            )
             bar.say(f"silmesh: cameras: {then} (not {cameras}: {why})")
+            for line in measured:
+                bar.say(f"silmesh: {line.strip()}")
     if made is None and failure.step == "scene" and not tries[-1].startswith(f"{FILE}:"):
         found = work.folder / "results" / work.object / "stages" / "silhouettes"
-        raise RunError(f"{failure}\nsilmesh: {advise_on_cameras(found)}", failure.step)
+        advice = advise_on_cameras(found, tried, measured=MEASURED in str(failure))
+        lines = [f"{MEASURED}{said}" for said in describe_masks(work.masks)]
+        whole = "\n  ".join([str(failure), *lines])
+        raise RunError(f"{whole}\nsilmesh: {advice}", failure.step)
     if made is None:
         raise failure
-    return made
+    return made, tuple(tried)
 
 
 def _run(

@@ -1,8 +1,9 @@
 """What a run came to, in one line, and what to do where it is doubtful; the mesh as a file."""
 
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from silmesh.errors import InputError
@@ -11,8 +12,15 @@ from silmesh.files import replacing
 SUFFIXES = (".glb", ".obj", ".ply", ".stl")
 HULL, MEAN, WORST = 0.9, 0.95, 0.85  # IoU below which cameras, the fit and a view are doubted
 NAMED = 3  # views, at most
-TURNED = "the photographs are not of one object that only turns: try --cameras colmap"
-OTHERWISE = "the cameras are wrong: try --cameras calibrate if the object turned, colmap if not"
+CALIBRATE, COLMAP = "calibrate", "colmap"
+SOURCES = {CALIBRATE: {CALIBRATE}, COLMAP: {COLMAP}, "auto": {CALIBRATE, COLMAP}}
+WHEN = {  # other cameras are worth a try
+    CALIBRATE: "--cameras calibrate if the object turned before a camera that stood still",
+    COLMAP: "--cameras colmap if the camera moved",
+}
+TURNED = "the photographs are not of one object that only turns"
+OTHERWISE = "the cameras are wrong"
+KNOWN = "give known cameras by --cameras file:PATH"
 
 
 def refuse_suffix(output: Path) -> None:
@@ -41,22 +49,24 @@ def describe(output: Path, metrics: Mapping[str, Any]) -> str:
     )
 
 
-def find_doubts(metrics: Mapping[str, Any], folder: Path) -> list[str]:
+def find_doubts(metrics: Mapping[str, Any], folder: Path, tried: Sequence[str] = ()) -> list[str]:
     """What is doubtful about a mesh, each with what to do.
 
     Args:
         metrics: of ``metrics.json``
         folder: of the results, for paths
+        tried: the sources of cameras that were tried, beside that of the mesh
     """
     silhouettes = folder / metrics["silhouettes"]
-    doubts = []
-    turns = metrics["cameras"]["source"] == "calibrate"
+    doubts = list(metrics.get("measured", ()))  # results of before have none
+    turns = metrics["cameras"]["source"] == CALIBRATE
     if metrics["hull_iou_mean"] < HULL:
         doubts.append(
             f"cameras and silhouettes contradict each other: no body fills more than "
-            f"{metrics['hull_iou_mean']:.0%} of these. Look at the silhouettes in {silhouettes}: "
-            "where they are not the object's, give --masks or other --silhouettes; where they are, "
-            + (TURNED if turns else OTHERWISE)
+            f"{metrics['hull_iou_mean']:.0%} of these. Look at the silhouettes in "
+            f"{quote(str(silhouettes))}: where they are not the object's, give --masks or other "
+            f"--silhouettes; where they are, {TURNED if turns else OTHERWISE}: "
+            + _advise_others([*tried, *_list_sources(metrics["cameras"])])
         )
     elif metrics["iou_mean"] < MEAN:
         doubts.append("the fit ended early: try --init auto")
@@ -65,7 +75,7 @@ def find_doubts(metrics: Mapping[str, Any], folder: Path) -> list[str]:
     if worst and metrics["hull_iou_mean"] >= HULL:
         doubts.append(
             f"the mesh misses the object in {', '.join(worst)}: look at their silhouettes in "
-            f"{silhouettes}, and leave out photographs that show it wrongly"
+            f"{quote(str(silhouettes))}, and leave out photographs that show it wrongly"
         )
     if metrics["views_dropped"] > metrics["views"] / 4:
         doubts.append(
@@ -78,18 +88,45 @@ def find_doubts(metrics: Mapping[str, Any], folder: Path) -> list[str]:
     return doubts
 
 
-def advise_on_cameras(silhouettes: Path) -> str:
+def advise_on_cameras(silhouettes: Path, tried: Sequence[str], measured: bool) -> str:
     """What to do where no cameras are found.
 
     Args:
         silhouettes: the folder of what was found of them
+        tried: the sources of cameras that were tried
+        measured: whether something was found that explains it, and is said with what to do
     """
+    if measured:
+        then = f"Where they are, do what stands beside what was measured, or {KNOWN}"
+    elif not _find_untried(tried):
+        then = (
+            "Where they are, take 20 to 100 photographs, each at most 20 degrees from the next: of "
+            "the object turned in even steps, or in a walk around it, with something patterned "
+            f"below; or {KNOWN}"
+        )
+    else:
+        then = f"Where they are: {_advise_others(tried)}"
     return (
-        f"what to do: look at the silhouettes in {silhouettes}; where they are not the object's, "
-        "give --masks or other --silhouettes. Where they are, take 20 to 100 photographs, each "
-        "at most 20 degrees from the next: of the object turned in even steps, or in a walk around "
-        "it, with something patterned below; or give known cameras by --cameras file:PATH"
+        f"what to do: look at the silhouettes in {quote(str(silhouettes))}; where they are not the "
+        f"object's, give --masks or other --silhouettes. {then}"
     )
+
+
+def _list_sources(cameras: Mapping[str, Any]) -> list[str]:
+    """The sources that were tried for a mesh's cameras."""
+    return [cameras["source"], *(attempt["source"] for attempt in cameras.get("attempts", ()))]
+
+
+def _find_untried(tried: Sequence[str]) -> list[str]:
+    """The sources of cameras that find them, and were not tried."""
+    done = set().union(*(SOURCES.get(source, set()) for source in tried))
+    return [source for source in (CALIBRATE, COLMAP) if source not in done]
+
+
+def _advise_others(tried: Sequence[str]) -> str:
+    """Other cameras than those that were tried."""
+    others = [WHEN[source] for source in _find_untried(tried)]
+    return f"try {', '.join(others)}; or {KNOWN}" if others else KNOWN
 
 
 def export(results: Path, output: Path) -> None:

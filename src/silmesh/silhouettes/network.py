@@ -134,6 +134,12 @@ def is_torchvision_name(source: str) -> bool:
     return source.replace("_", "").isalnum() and source == source.upper()
 
 
+def list_weights(model: str) -> list[str]:
+    """The names that torchvision has for weights of a model."""
+    segmentation = import_segmentation()
+    return list(getattr(segmentation, _enumeration(segmentation, model)).__members__)
+
+
 def _download(name: str, model: str) -> Weights:
     """torchvision's weights, from its cache or the net."""
     segmentation = import_segmentation()

@@ -40,7 +40,8 @@ def separate(pixels: np.ndarray) -> np.ndarray:
     values = pixels.astype(np.float64)
     border = _border(pixels.shape[:2])
     contrast = np.abs(values - _ground(values, border)).max(axis=-1).round()
-    noise = np.percentile(contrast[border], 90)
+    most, usual = np.percentile(contrast[border], (90, 75))
+    noise = min(most, 2 * usual)  # where the frame cuts the object, the most is of the object
     level = max(_level(contrast), 2 * noise, 4)
     return _clean(contrast > level, contrast > max(noise, 2))
 

@@ -5,6 +5,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import torch
 
 from silmesh.cameras.attempt import write_attempt
@@ -46,6 +47,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         distance=given.distance,
         above_table=given.above_table,
         aspect=aspect,
+        frames=np.array([[view.left, view.top, view.right, view.bottom] for view in views]),
         progress=share_of(f"calibrate {given.output}"),
     )
     for warning in attempt.warnings:

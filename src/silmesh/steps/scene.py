@@ -9,8 +9,9 @@ from pathlib import Path
 import torch
 
 from silmesh.agreement import COHERENT, Placed, choose, find_shown, refused_or
-from silmesh.cameras.attempt import Attempt, read_attempt
+from silmesh.cameras.attempt import CHECK_SERIES, TRY_CALIBRATE, Attempt, read_attempt
 from silmesh.conventions import settle
+from silmesh.diagnosis import MEASURED, diagnose_folders
 from silmesh.errors import InputError, blaming
 from silmesh.hull import find_doubtful
 from silmesh.scene import SILHOUETTES, VIEWS, write_scene
@@ -34,9 +35,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     torch.set_num_threads(given.threads)
     attempts, placed = zip(*(_place(folder, given) for folder in given.cameras), strict=True)
     if not any(placed):
-        refusals = dict.fromkeys(str(attempt.refusal) for attempt in attempts)
-        several = ["no source of cameras came to any:"] if len(refusals) > 1 else []
-        raise InputError("\n  ".join([*several, *refusals]))
+        raise InputError(_explain(attempts, diagnose_folders(given.views, given.silhouettes)))
     index, why = choose(attempts, placed)
     attempt, best = attempts[index], placed[index]
     doubtful = _name_doubtful(best, given.silhouettes)
@@ -49,6 +48,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         "warnings": list(attempt.warnings),
         "figures": dict(attempt.figures),
         "mirrored": attempt.mirrored,
+        "measured": diagnose_folders(given.views, given.silhouettes, best.mean >= COHERENT),
         "lost": read_lost(given.silhouettes),
         "unreadable": [view.view for view in read_views(given.views) if view.unreadable],
         "frame": _around(frames.values()),
@@ -92,6 +92,22 @@ def _place(folder: Path, given: Namespace) -> tuple[Attempt, Placed | None]:
             return settle(attempt, seen, given.keep_world)
     except InputError as error:
         return replace(attempt, refusal=str(error)), None
+
+
+def _explain(attempts: Sequence[Attempt], findings: Sequence[str]) -> str:
+    """Why there are no cameras: what each attempt came to, and what was measured beside it.
+
+    Advice is left out of which the attempts or the findings show that it leads nowhere.
+    """
+    tried = {attempt.source for attempt in attempts}
+    idle = [TRY_CALIBRATE] * ("calibrate" in tried) + [CHECK_SERIES] * bool(findings)
+    refusals = [str(attempt.refusal) for attempt in attempts]
+    for advice in idle:
+        refusals = [refusal.replace(advice, "") for refusal in refusals]
+    refusals = list(dict.fromkeys(refusals))
+    several = ["no source of cameras came to any:"] if len(refusals) > 1 else []
+    measured = [f"{MEASURED}{finding}" for finding in findings]
+    return "\n  ".join([*several, *refusals, *measured])
 
 
 def _frames(best: Placed, views: Path) -> dict[str, list[int]]:
