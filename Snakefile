@@ -9,6 +9,7 @@ from snakemake.utils import min_version
 from silmesh.config import NAME, SoftRasFit
 from silmesh.errors import InputError
 from silmesh.lock import hold
+from silmesh.places import try_places
 from silmesh.plan import TRAINED, WEIGHTS, Plan
 from silmesh.provenance import code_digest as digest_code
 from silmesh.provenance import file_digest
@@ -56,7 +57,12 @@ onstart:
         sys.exit(
             f"silmesh: another run is at work in {Path.cwd()}; wait for its end"
         )
-    write_report_plan()
+    try:
+        try_places(plan)
+        write_report_plan()
+    except InputError as error:
+        print(f"silmesh: {error}", file=sys.stderr)
+        sys.exit(2)
     start()
 
 

@@ -81,7 +81,7 @@ def try_inside(folder: Path) -> None:
     """Try whether files can be written into a folder, of whomever or to be made."""
     if os.path.lexists(folder) and not os.path.isdir(folder):
         raise InputError(f"{folder}: is a file; should be a folder")
-    _try(folder / "tried")
+    _try(folder / "tried", folder)
 
 
 def remove(path: Path) -> None:
@@ -172,9 +172,9 @@ def _remove_made(folder: Path) -> None:
     folder.rmdir()
 
 
-def _try(path: Path) -> None:
+def _try(path: Path, named: Path | None = None) -> None:
     """Write a file beside a path, and remove it and what folders it needed."""
-    with _naming(path):
+    with _naming(named or path):
         lacking = [parent for parent in path.parents if not os.path.lexists(parent)]
         made: list[Path] = []
         try:
@@ -195,8 +195,9 @@ def _naming(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        at = Path(error.filename or path)
+        at, why = Path(error.filename or path), error.strerror
+        if error.errno in (errno.EEXIST, errno.ENOTDIR):
+            others = (parent for parent in path.parents if os.path.lexists(parent))
+            at, why = next(others, at), "is not a folder"
         where = f"{at}: " if at in path.parents else ""
-        no_folder = error.errno in (errno.EEXIST, errno.ENOTDIR)
-        why = "is not a folder" if no_folder else error.strerror
         raise InputError(f"{path}: cannot be written: {where}{why}") from error
