@@ -51,18 +51,21 @@ except InputError as error:
     sys.exit(f"silmesh: {error}")
 
 
+# Before Snakemake looks for results, which it cannot where no folder of them can be.
+try:
+    try_places(plan, Path.cwd())
+except InputError as error:
+    print(f"silmesh: {error}", file=sys.stderr)
+    sys.exit(2)
+
+
 # Snakemake's own lock, which a kill leaves behind, is off in the profile.
 onstart:
     if not hold(".snakemake/silmesh.lock"):
         sys.exit(
             f"silmesh: another run is at work in {Path.cwd()}; wait for its end"
         )
-    try:
-        try_places(plan)
-        write_report_plan()
-    except InputError as error:
-        print(f"silmesh: {error}", file=sys.stderr)
-        sys.exit(2)
+    write_report_plan()
     start()
 
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from silmesh.files import try_inside
-from silmesh.plan import Plan
+from silmesh.plan import WEIGHTS, Plan
 from silmesh.silhouettes.weights import try_cache
 
 WRITTEN = ("results", "logs")
@@ -23,3 +23,4 @@ def try_places(plan: Plan, folder: Path = Path()) -> None:
     for run in plan.runs:
         if run.silhouettes == "matting":
             try_cache(run.matting.model)
+            try_inside(folder / WEIGHTS)

@@ -68,13 +68,21 @@ def cache_folder() -> Path:
         InputError: neither is known
     """
     try:
-        if named := os.environ.get(CACHE):
-            return Path(named).expanduser()
-        return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "silmesh"
+        named = os.environ.get(CACHE)
+        return Path(named).expanduser() if named else user_cache() / "silmesh"
     except RuntimeError as error:
         raise InputError(
             f"no folder for a cache is known: {error} ${CACHE} may name one"
         ) from error
+
+
+def user_cache() -> Path:
+    """Where programs keep what can be had again: ``$XDG_CACHE_HOME``, else ``~/.cache``.
+
+    Raises:
+        RuntimeError: no home is known
+    """
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 
 
 def find_weights(model: str) -> Path:
