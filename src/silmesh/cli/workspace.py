@@ -192,13 +192,13 @@ def place_of(paths: Sequence[Path], keep: Path | None = None) -> tuple[Path, str
 
 def _refuse_others(folder: Path) -> None:
     """Refuse a folder, neither new nor empty, that is not ours, or what is not ours in it."""
-    if not folder.is_dir() or not any(folder.iterdir()):
+    names = os.listdir(folder) if os.path.isdir(folder) else []
+    if not names:
         return
     if not (made := _read_made(folder)):
-        first = min(path.name for path in folder.iterdir())
         raise InputError(
-            f"{folder}: holds {first}, and is no folder that silmesh works in; should be a new or "
-            "an empty one"
+            f"{folder}: holds {min(names)}, and is no folder that silmesh works in; should be a "
+            "new or an empty one"
         )
     for name in (TABLE, CONFIG):
         if (folder / name).is_file() and _digest(folder / name) not in made.get(name, [None]):

@@ -2,6 +2,7 @@
 
 import argparse
 import errno
+import os
 import shlex
 import sys
 from collections.abc import Callable, Sequence
@@ -42,7 +43,7 @@ def output_folder(path: str) -> Path:
 
 def output_place(path: str) -> Path:
     """The type of an argument that names a file to write, or a folder to write files into."""
-    return _tried(try_inside if Path(path).is_dir() else try_file, path)
+    return _tried(try_inside if os.path.isdir(path) else try_file, path)
 
 
 def _tried(attempt: Callable[[Path], None], path: str) -> Path:
