@@ -241,6 +241,8 @@ def made(tmp_path_factory) -> Made:
 
 FIT = "--preset softras --iterations 2 --learning-rate 0.01 --betas 0.5 0.99 --sigma 1e-4"
 COMMANDS = {
+    "export_cameras": "--cameras cameras.json --format colmap --output model",
+    "truth": "--mesh mesh.off --output truth.ply",
     "views": f"--images photographs/* --size {SIZE} --resize pad --output views",
     "silhouettes": "--views views --source mask --masks masks/* --output silhouettes",
     "cameras": "--views views --turntable 2.732 15 60 --output attempt",
@@ -252,9 +254,8 @@ COMMANDS = {
     "fit": f"--first first.ply --scene judged {FIT} --laplacian 0.03 --flatten 0.0003 --device cpu"
     " --threads 1 --checkpoint state.pt --meshes mesh.ply --cameras fitted.json --loss loss.csv",
     "colour": "--mesh mesh.ply --cameras fitted.json --scene judged --meshes mesh.obj mesh.glb",
-    "truth": "--mesh mesh.off --output truth.ply",
     "evaluate": "--mesh mesh.ply --cameras fitted.json --loss loss.csv --scene judged --first"
-    " init.json --truth truth.ply --sigma 1e-4 --threads 1 --results . --output metrics.json",
+    " init.json --sigma 1e-4 --threads 1 --results . --output metrics.json",
     "rings": "--scene judged --threads 1 --output rings.png",
     "gallery": "--views views --scene scene --judged judged --sheet sheet.png --output page.json",
     "picture": "--mesh mesh.obj --first first.ply --cameras fitted.json --scene judged --sigma 1e-4"
@@ -262,7 +263,6 @@ COMMANDS = {
     "figure": "--object cup --losses loss.csv --meshes mesh.ply --cameras fitted.json --scenes"
     " judged --variants a --order a --outputs figure.svg figure.png",
     "synthetic": "apricot --images made/images --masks made/masks --truth made.ply --views 2",
-    "export_cameras": "--cameras cameras.json --format colmap --output model",
     "colmap_features": "--images photographs/* --features 100 --output features",
     "colmap_matches": "--features features --matching exhaustive --output matches",
     "colmap_map": "--matches matches --mapping incremental --output model_stage",
