@@ -23,6 +23,13 @@ def work(tmp_path):
     return Workspace(tmp_path / "cache/cup", "cup", tuple(files), ())
 
 
+def test_a_part_that_a_kill_left_makes_no_folder_someone_elses(work):
+    work.folder.mkdir(parents=True)
+    (work.folder / ".part-silmesh.json").touch()
+    work.prepare()
+    assert (work.folder / "silmesh.json").is_file()
+
+
 def test_links_are_made_anew_only_when_the_photographs_change(work):
     work.prepare()
     links = work.folder / "photographs"
@@ -134,10 +141,15 @@ def test_only_links_of_ours_are_removed(work):
     assert [path.name for path in links.iterdir()] == ["p1.png"]
 
 
-def test_links_of_a_silmesh_that_noted_none_are_its_own(work):
+def test_what_a_silmesh_that_noted_nothing_left_is_its_own(work):
+    row = {"silhouettes": "threshold", "cameras": "calibrate"}
     work.prepare()
+    work.configure(row, VALUES)
     (work.folder / "silmesh.json").write_text(json.dumps({"version": "0.1.0"}))
-    Workspace(work.folder, "cup", work.photographs[1:], ()).prepare()
+    (work.folder / "config.yaml").write_text("of another version")
+    fewer = Workspace(work.folder, "cup", work.photographs[1:], ())
+    try_workspace(work.folder, "")
+    fewer.prepare()
     assert [path.name for path in (work.folder / "photographs").iterdir()] == ["p2.png"]
 
 

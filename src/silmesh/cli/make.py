@@ -20,7 +20,7 @@ from silmesh.cli.outcome import (
 )
 from silmesh.cli.photographs import find_masks, find_photographs, is_video
 from silmesh.cli.runner import RunError, Runner
-from silmesh.cli.workspace import Workspace, place_of, try_workspace
+from silmesh.cli.workspace import Workspace, claim, place_of, try_workspace
 from silmesh.errors import InputError
 from silmesh.files import try_file
 from silmesh.silhouettes.weights import CACHE
@@ -64,7 +64,7 @@ def make_mesh(
     _try_outputs(output, page)
     folder, name = place_of(paths, keep)
     try_workspace(folder, OTHER_KEEP if keep else OTHER_CACHE)
-    files, notes = find_photographs(_cut_video(paths, folder / VIDEO))
+    files, notes = find_photographs(_cut_video(paths, folder))
     found = find_masks(files, masks) if silhouettes in (None, "mask") else []
     _say(f"{len(files)} photographs", *notes)
     silhouettes, tries = _choose(files, bool(found), silhouettes, cameras)
@@ -113,13 +113,14 @@ def _refuse_inputs(outputs: Sequence[Path | None], files: Sequence[Path]) -> Non
 
 
 def _cut_video(paths: Sequence[Path], folder: Path) -> Sequence[Path]:
-    """What is named; of a video the photographs that it is cut into."""
+    """What is named; of a video the photographs that it is cut into, in the folder to work in."""
     if len(paths) > 1 or not is_video(paths[0]):
         return paths
     from silmesh.cli.video import cut  # its libraries, for few
 
+    claim(folder)
     _say(f"{paths[0]}: is a video; the sharpest pictures are taken from it")
-    return cut(paths[0], folder / "frames")
+    return cut(paths[0], folder / VIDEO / "frames")
 
 
 def _choose(

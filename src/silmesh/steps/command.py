@@ -1,7 +1,6 @@
 """How a step meets the command line: its parser, and errors of the user's without a traceback."""
 
 import argparse
-import errno
 import os
 import shlex
 import sys
@@ -10,9 +9,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from silmesh.errors import InputError
-from silmesh.files import try_file, try_folder, try_inside
-
-NOT_OURS = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES}  # what a disk refuses
+from silmesh.files import NOT_OURS, try_file, try_folder, try_inside
 
 
 class _Parser(argparse.ArgumentParser):
