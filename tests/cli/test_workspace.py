@@ -186,6 +186,11 @@ def test_a_place_for_each_set_of_photographs(tmp_path, monkeypatch):
     assert folder.parent == tmp_path / "cache/objects"
     monkeypatch.chdir(cup)
     assert place_of([tmp_path / "my cup/."]) == (folder, name)
+    monkeypatch.setenv("SILMESH_CACHE", "../cache")
+    assert place_of([cup])[0].resolve() == folder
+    assert place_of([cup])[0].is_absolute()
+    monkeypatch.setenv("SILMESH_CACHE", str(tmp_path / "cache"))
+    assert place_of([cup], tmp_path / "kept") == (tmp_path / "kept", name)
     assert place_of([cup / "a.png"])[1] == name
     assert len({place_of(p)[0] for p in ([cup], [jug], [cup / "a.png"], [cup / "b.png"])}) == 4
 

@@ -194,7 +194,8 @@ def place_of(paths: Sequence[Path], keep: Path | None = None) -> tuple[Path, str
     if keep:
         return keep.absolute(), name
     named = "\n".join(sorted(str(path.absolute()) for path in paths))
-    return cache_folder() / "objects" / f"{name}-{zlib.crc32(named.encode()):08x}", name
+    folder = cache_folder().absolute() / "objects"
+    return folder / f"{name}-{zlib.crc32(named.encode()):08x}", name
 
 
 def _refuse_others(folder: Path) -> None:
