@@ -21,6 +21,7 @@ from surroundings import NO_FILE, NO_FOLDER, NOWHERE, PLACES, look_around, surro
 
 from silmesh.cameras.camera import write_cameras
 from silmesh.cli.main import main as silmesh
+from silmesh.errors import InputError
 from silmesh.steps.__main__ import STEPS
 from silmesh.steps.command import output_file, output_folder, output_place
 
@@ -322,3 +323,17 @@ def test_a_step_writes_what_is_named_and_nothing_else(step, made, tmp_path):
 @pytest.mark.parametrize("step", COMMANDS)
 def test_every_step_writes_what_is_named_and_nothing_else(step, made, tmp_path):
     check(made, step, tmp_path)
+
+
+@pytest.mark.parametrize("name", ["cameras.txt", "images.txt", "points3D.txt"])
+def test_a_model_of_another_program_is_not_written_over(name, made, tmp_path):
+    (tmp_path / name).write_text("# Camera list with one line of data per camera:\n")
+    before = look_around(tmp_path)
+    words = [*made.words("export_cameras")[:-1], str(tmp_path)]
+    with pytest.raises(InputError, match=f"{name}: is there, and not of silmesh"):
+        made.run("export_cameras", words)
+    assert look_around(tmp_path) == before
+    (tmp_path / name).unlink()
+    for _ in range(2):  # its own it does
+        made.run("export_cameras", words)
+    assert len(look_around(tmp_path)) == 3
