@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from silmesh.cameras.camera import Cameras, read_cameras, write_cameras
-from silmesh.files import replacing
+from silmesh.files import making
 
 CAMERAS, REPORT = "cameras.json", "report.json"
 FILE = "file"  # the source of cameras that were read, as their attempts name it
@@ -67,8 +67,7 @@ def write_attempt(folder: Path, attempt: Attempt) -> None:
         "signless": attempt.signless,
         "doubt": attempt.doubt,
     }
-    with replacing(folder) as part:
-        part.mkdir()
+    with making(folder) as part:
         if attempt.cameras is not None:
             write_cameras(part / CAMERAS, attempt.cameras)
         (part / REPORT).write_text(json.dumps(report, indent=1) + "\n")
