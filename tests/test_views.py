@@ -11,8 +11,6 @@ from silmesh.views import (
     count_frames,
     find_images,
     held_out,
-    match_masks,
-    natural_key,
     place_view,
     read_image,
     read_photographs,
@@ -190,12 +188,6 @@ def test_a_marked_block_lands_where_the_pixel_map_says(size, resize):
     np.testing.assert_allclose(placed.sum(), area, rtol=0.03)
 
 
-def test_names_are_ordered_as_numbers():
-    names = ["b1", "r10", "r5", "r100", "r05", "a"]
-    assert sorted(names, key=natural_key)[:2] == ["a", "b1"]
-    assert sorted(["r10.png", "r9.png", "r100.png"], key=natural_key)[0] == "r9.png"
-
-
 def test_a_folder_gives_its_images_only(tmp_path):
     for name in ("r10.png", "r9.PNG", "r11.jpg", ".hidden.png", "notes.txt", "r05.png", "r5.png"):
         (tmp_path / name).touch()
@@ -226,22 +218,6 @@ def test_two_photographs_of_one_name_are_refused(tmp_path):
     (tmp_path / "a.jpg").touch()
     with pytest.raises(InputError, match="has the same name, 'a'"):
         find_images(tmp_path)
-
-
-def test_masks_are_matched_by_stem(tmp_path):
-    images = [tmp_path / "png2" / name for name in ("a.jpg", "b.png")]
-    masks = [tmp_path / "mask2" / name for name in ("b.png", "a.png")]
-    assert match_masks(images, masks) == [masks[1], masks[0]]
-    with pytest.raises(
-        InputError, match=r"b\.png: has no mask of the same name in .*mask2; .* there is a\.png"
-    ):
-        match_masks(images, masks[1:])
-    with pytest.raises(InputError, match=r"b\.png: is a photograph and its own mask"):
-        match_masks(images, [masks[1], images[1]])
-    with pytest.raises(InputError, match=r"2 photographs without a mask"):
-        match_masks(images, [tmp_path / "other.png"])
-    with pytest.raises(InputError, match=r"b\.png: has no photograph of the same name in .*png2"):
-        match_masks(images[:1], masks)
 
 
 def test_an_array_is_read_as_softras_wrote_it(tmp_path):

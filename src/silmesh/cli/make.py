@@ -17,7 +17,13 @@ from silmesh.cli.outcome import (
     find_doubts,
     refuse_suffix,
 )
-from silmesh.cli.photographs import find_masks, find_photographs, is_video
+from silmesh.cli.photographs import (
+    describe_count,
+    find_cameras,
+    find_masks,
+    find_photographs,
+    is_video,
+)
 from silmesh.cli.runner import RunError, Runner
 from silmesh.cli.workspace import Workspace, place_of
 from silmesh.errors import InputError
@@ -60,8 +66,9 @@ def make_mesh(
     place, name = place_of(paths)
     folder = (keep or place).absolute()
     files, notes = find_photographs(_cut_video(paths, folder / VIDEO))
-    found = find_masks(files, masks) if silhouettes in (None, "mask") else []
-    _say(f"{len(files)} photographs", *notes)
+    found, lacking = _find_masks(files, masks, silhouettes)
+    known = find_cameras(files) if not (cameras or "").startswith("file:") else []
+    _say(describe_count(files), *notes, *lacking, *known)
     silhouettes, tries = _choose(files, bool(found), silhouettes, cameras)
     work = Workspace(folder, name, tuple(files), tuple(found))
     if before := work.prepare():
@@ -89,6 +96,26 @@ def _cut_video(paths: Sequence[Path], folder: Path) -> Sequence[Path]:
 
     _say(f"{paths[0]}: is a video; the sharpest pictures are taken from it")
     return cut(paths[0], folder / "frames")
+
+
+def _find_masks(
+    files: Sequence[Path], given: Path | None, silhouettes: str | None
+) -> tuple[list[Path], list[str]]:
+    """The mask of each photograph if they are wanted, and what is said of those that are not used.
+
+    Raises:
+        InputError: masks are given, and a photograph has none or the silhouettes are others
+    """
+    if silhouettes in (None, "mask"):
+        return find_masks(files, given)
+    if given:
+        raise InputError(
+            f"--masks {given}: --silhouettes {silhouettes} takes no masks; leave one of the two out"
+        )
+    found, _ = find_masks(files)
+    if not found:
+        return [], []
+    return [], [f"not used: the masks in {found[0].parent}, because of --silhouettes {silhouettes}"]
 
 
 def _choose(

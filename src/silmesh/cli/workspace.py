@@ -18,14 +18,17 @@ import yaml
 
 from silmesh.cli.photographs import is_video
 from silmesh.config import NAME
-from silmesh.datasets import COLUMNS, RESERVED
+from silmesh.datasets import COLUMNS, RESERVED, UNPRINTABLE
 from silmesh.files import replacing
+from silmesh.naming import SUFFIXES, name_views, natural_key
 from silmesh.plan import Plan
 from silmesh.provenance import SOURCE
 from silmesh.silhouettes.weights import cache_folder
 
 TABLE, CONFIG = "datasets.tsv", "config.yaml"
 PHOTOGRAPHS, MASKS = "photographs", "masks"  # folders of links
+UNUSABLE = rf"{UNPRINTABLE}|[{{}}]"  # what a link's name has not
+LONGEST = 200  # bytes of a link's name, of which the end tells most
 MADE_BY = "silmesh.json"
 TABLE_LINE = re.compile(rf"{re.escape(TABLE)}, line 2 \([\w-]+\): ")
 
@@ -68,8 +71,8 @@ class Workspace:
     def prepare(self) -> str | None:
         """Link the photographs and masks; the other version of silmesh that worked here, if any."""
         self.folder.mkdir(parents=True, exist_ok=True)
-        _link(self.folder / PHOTOGRAPHS, self.photographs)
-        _link(self.folder / MASKS, self.masks)
+        for folder, links in self._links().items():
+            _link(self.folder / folder, links)
         file, now = self.folder / MADE_BY, version("silmesh")
         before = json.loads(file.read_text())["version"] if file.is_file() else now
         with replacing(file) as part:
@@ -100,10 +103,25 @@ class Workspace:
     def restore(self, said: str) -> str:
         """A message with the person's own paths for the links to them."""
         said = TABLE_LINE.sub("", said.replace(f"{self.folder}/", ""))
-        for folder, files in ((PHOTOGRAPHS, self.photographs), (MASKS, self.masks)):
-            for file in files:
-                said = re.sub(rf"(?<![\w/]){folder}/{re.escape(file.name)}\b", str(file), said)
+        for folder, links in self._links().items():
+            for name, file in links.items():
+                own = str(file)
+                said = re.sub(
+                    rf"(?<![\w/]){folder}/{re.escape(name)}\b", lambda _, own=own: own, said
+                )
         return said
+
+    def _links(self) -> dict[str, dict[str, Path]]:
+        """The files by the names of the links to them, folder by folder; a mask's is its view's."""
+        names = name_links(self.photographs)
+        pairs = zip(names, self.masks, strict=False)
+        return {
+            PHOTOGRAPHS: {
+                name + _ending(file): file
+                for name, file in zip(names, self.photographs, strict=True)
+            },
+            MASKS: {name + _ending(mask): mask for name, mask in pairs},
+        }
 
 
 def place_of(paths: Sequence[Path]) -> tuple[Path, str]:
@@ -112,12 +130,32 @@ def place_of(paths: Sequence[Path]) -> tuple[Path, str]:
     alone = first.stem if is_video(first) else first.parent.name
     name = to_name(first.name if first.is_dir() else alone)
     named = "\n".join(sorted(str(path.absolute()) for path in paths))
-    return cache_folder() / "objects" / f"{name}-{zlib.crc32(named.encode()):08x}", name
+    digest = zlib.crc32(os.fsencode(named))
+    return cache_folder() / "objects" / f"{name}-{digest:08x}", name
 
 
-def _link(folder: Path, files: Sequence[Path]) -> None:
+def name_links(files: Sequence[Path]) -> list[str]:
+    """Names for links to photographs, without endings: their views', if rules can take these.
+
+    They differ, and their natural order is that of the files, whose place in a turn counts.
+    """
+    clean = [re.sub(UNUSABLE, "_", name).encode() for name in name_views(files)]
+    names = [name[-LONGEST:].decode(errors="ignore") for name in clean]
+    order = [natural_key(name + file.suffix) for name, file in zip(names, files, strict=True)]
+    hidden = any(name.startswith(".") for name in names)
+    if len(set(names)) == len(names) and sorted(order) == order and not hidden:
+        return names
+    return [f"{place:04d}_{name}" for place, name in enumerate(names)]
+
+
+def _ending(file: Path) -> str:
+    """A file's ending, or one of an image's where it has none."""
+    return file.suffix if file.suffix.lower() in SUFFIXES else SUFFIXES[0]
+
+
+def _link(folder: Path, links: Mapping[str, Path]) -> None:
     """Make a folder of links to these files, unless it is that already."""
-    wanted = {file.name: str(file.absolute()) for file in files}
+    wanted = {name: str(file.absolute()) for name, file in links.items()}
     there = folder.iterdir() if folder.is_dir() else ()
     if {link.name: os.readlink(link) for link in there} == wanted:
         return
