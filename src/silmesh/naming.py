@@ -58,7 +58,7 @@ def order_photographs(files: Iterable[Path]) -> list[Path]:
 def _folders_apart(files: Sequence[Path]) -> list[tuple[str, ...]]:
     """The folders of each file below the one that holds them all."""
     parents = [os.path.dirname(os.path.abspath(file)) for file in files]
-    shared = os.path.commonpath(parents)
+    shared = os.path.commonpath(parents) if parents else ""
     return [Path(os.path.relpath(parent, shared)).parts for parent in parents]
 
 
@@ -101,10 +101,14 @@ def split_masks(files: Sequence[Path]) -> tuple[list[Path], list[Path]]:
     folders = defaultdict(list)
     for file in files:
         folders[file.parent].append(file)
-    apart = {folder for folder in folders if folder.name.lower() in MASK_FOLDERS}
-    masks = {file for folder in apart for file in folders[folder]} if set(folders) - apart else ()
-    masks = set(masks).union(*(_masks_beside(found) for found in folders.values()))
+    within = [any(map(_is_mask_folder, parts)) for parts in _folders_apart(files)]
+    apart = [file for file, so in zip(files, within, strict=True) if so and not all(within)]
+    masks = set(apart).union(*(_masks_beside(found) for found in folders.values()))
     return [f for f in files if f not in masks], [f for f in files if f in masks]
+
+
+def _is_mask_folder(name: str) -> bool:
+    return name.lower() in MASK_FOLDERS
 
 
 def _masks_beside(files: Sequence[Path]) -> set[Path]:
@@ -156,8 +160,8 @@ def pair_masks(
     places = {name: i for i, name in enumerate(name_views(images))}
     found: list[list[Path]] = [[] for _ in images]
     spare = []
-    for mask, folders in zip(masks, _folders_apart(masks) if masks else (), strict=True):
-        within = [folder for folder in folders if folder.lower() not in MASK_FOLDERS]
+    for mask, folders in zip(masks, _folders_apart(masks), strict=True):
+        within = [folder for folder in folders if not _is_mask_folder(folder)]
         stems = photograph_stems(mask)
         names = ["_".join([*within, stem]) for stem in stems] + stems
         of = next((places[name] for name in names if name in places), None)

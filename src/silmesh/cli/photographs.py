@@ -55,12 +55,11 @@ def find_photographs(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
         the files, and what a person should know of them and of what is not used
 
     Raises:
-        InputError: a video, no photographs, several folders, or a folder whose photographs seem
+        InputError: videos, no photographs, several folders, or a folder whose photographs seem
             to be of several objects
     """
-    for path in paths:
-        if is_video(path):
-            raise InputError(f"{path}: is a video; one alone is cut into photographs: name only it")
+    if all(map(is_video, paths)):
+        raise InputError(f"{paths[0]}: is a video; one alone is cut into photographs: name only it")
     masks = [path for path in paths if path.is_dir() and path.name.lower() in MASK_FOLDERS]
     named = paths if len(paths) == len(masks) else [path for path in paths if path not in masks]
     folders = [path for path in named if path.is_dir()]
@@ -323,7 +322,7 @@ def _refuse_few(files: Sequence[Path], where: str) -> None:
 def _pattern(files: Sequence[Path]) -> str:
     """A glob of the files named like the first, as the shell reads it."""
     first = files[0]
-    begins = re.split(r"[0-9]", first.stem)[0]
+    begins = re.sub(r"[0-9]+[^0-9]*$", "", first.stem)
     within = quote(first.parent / begins) if begins else f"{quote(first.parent)}/"
     return f"{within}*{quote(first.suffix)}"
 
