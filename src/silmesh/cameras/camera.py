@@ -202,7 +202,9 @@ def write_cameras(path: Path | str, cameras: Cameras) -> None:
         for i, view in enumerate(cameras.views)
     ]
     with replacing(path) as part:
-        part.write_text("[\n" + ",\n".join(json.dumps(row) for row in rows) + "\n]\n")
+        part.write_text(
+            "[\n" + ",\n".join(json.dumps(row) for row in rows) + "\n]\n", encoding="utf-8"
+        )
 
 
 def read_cameras(path: Path | str) -> Cameras:

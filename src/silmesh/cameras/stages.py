@@ -58,10 +58,10 @@ def make_stage(folder: Path, before: Report, work: Callable[[Path, Report], Repo
                 remove(part)
                 part.mkdir()
                 report = replace(before, refusal=str(error))
-        (part / REPORT).write_text(json.dumps(asdict(report), indent=1) + "\n")
+        (part / REPORT).write_text(json.dumps(asdict(report), indent=1) + "\n", encoding="utf-8")
 
 
 def read_report(folder: Path) -> Report:
     """What a stage left."""
-    values = json.loads((folder / REPORT).read_text())
+    values = json.loads((folder / REPORT).read_text(encoding="utf-8"))
     return Report(**{**values, "warnings": tuple(values["warnings"])})

@@ -77,7 +77,7 @@ def write_project(folder: Path, force: bool) -> Iterator[str]:
     write_table(folder / TABLE, rows)
     for path, text in ((made[0], SNAKEFILE), (made[2], CONFIGURATION)):
         with replacing(path) as part:
-            part.write_text(text)
+            part.write_text(text, encoding="utf-8")
     with replacing(made[3]) as part:
         shutil.copyfile(find_snakefile().parent / "workflow" / PROFILE, part)
     yield f"written: {', '.join(map(str, made[:3]))}; look at the table, then:"

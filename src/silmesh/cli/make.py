@@ -207,7 +207,9 @@ def _run(
 
 
 def _read(work: Workspace, variant: str) -> dict[str, Any]:
-    return json.loads((work.folder / work.result(variant, "metrics.json")).read_text())
+    return json.loads(
+        (work.folder / work.result(variant, "metrics.json")).read_text(encoding="utf-8")
+    )
 
 
 def _say(*lines: str) -> None:

@@ -29,6 +29,7 @@ PART = re.compile(r"(\w+)\b[^:]*: (\d+)/(\d+)")
 FAILED = re.compile(r"Error in rule (\w+)")
 LOG = re.compile(r" +log: (\S+)")
 OURS = "silmesh: "
+SPOKEN = "utf-8:backslashreplace"  # what all processes of a run write, in any locale
 
 
 class RunError(Exception):
@@ -66,7 +67,7 @@ class Runner:
             self._command(targets),
             cwd=self._folder,
             env=_environment(),
-            text=True,
+            encoding="utf-8",
             errors="replace",
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
@@ -157,7 +158,7 @@ def _environment() -> dict[str, str]:
     if "PYTHONPATH" in kept:  # it works in another folder
         parts = kept["PYTHONPATH"].split(os.pathsep)
         kept["PYTHONPATH"] = os.pathsep.join(os.path.abspath(part) for part in parts if part)
-    return kept | {EVERY: "1", "PYTHONUNBUFFERED": "1"}
+    return kept | {EVERY: "1", "PYTHONUNBUFFERED": "1", "PYTHONIOENCODING": SPOKEN}
 
 
 def _lines(process: subprocess.Popen) -> Iterator[str | None]:
@@ -196,5 +197,5 @@ def _stop(process: subprocess.Popen) -> None:
 
 def _last_message(log: Path) -> str:
     """The message that a step's log ends with: from its last line that is ours."""
-    text = "\n" + log.read_text(errors="replace") if log.is_file() else ""
+    text = "\n" + log.read_text(errors="replace", encoding="utf-8") if log.is_file() else ""
     return text.rpartition(f"\n{OURS}")[2].strip() if f"\n{OURS}" in text else ""

@@ -74,9 +74,9 @@ class Workspace:
         for folder, links in self._links().items():
             _link(self.folder / folder, links)
         file, now = self.folder / MADE_BY, version("silmesh")
-        before = json.loads(file.read_text())["version"] if file.is_file() else now
+        before = json.loads(file.read_text(encoding="utf-8"))["version"] if file.is_file() else now
         with replacing(file) as part:
-            part.write_text(json.dumps({"version": now}) + "\n")
+            part.write_text(json.dumps({"version": now}) + "\n", encoding="utf-8")
         return None if before == now else before
 
     def configure(self, row: Mapping[str, str], values: Mapping[str, Any]) -> None:
@@ -94,7 +94,9 @@ class Workspace:
         write_table(self.folder / TABLE, [files | masks | row])
         Plan({"datasets": self.folder / TABLE, **values}, "the options")
         with replacing(self.folder / CONFIG) as part:
-            part.write_text(yaml.safe_dump({"datasets": TABLE, **values}, sort_keys=False))
+            part.write_text(
+                yaml.safe_dump({"datasets": TABLE, **values}, sort_keys=False), encoding="utf-8"
+            )
 
     def result(self, variant: str, name: str) -> str:
         """The path of one of a variant's results, from the folder."""

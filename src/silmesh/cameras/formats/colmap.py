@@ -207,7 +207,7 @@ def write(folder: Path, cameras: Cameras, images: Mapping[str, str]) -> None:
         with open(part / "images.txt", "w", encoding="utf-8") as file:
             file.write(HEADER.format("IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME"))
             file.writelines(_image_rows(cameras, i, images[v]) for i, v in enumerate(cameras.views))
-        (part / "points3D.txt").write_text(HEADER.format("no points"))
+        (part / "points3D.txt").write_text(HEADER.format("no points"), encoding="utf-8")
 
 
 def _camera_row(cameras: Cameras, i: int) -> str:

@@ -117,7 +117,7 @@ def write(path: Path, cameras: Cameras, images: Mapping[str, str]) -> None:
     shared = {k: v for k, v in frames[0].items() if all(f.get(k) == v for f in frames)}
     own = [{k: v for k, v in f.items() if k not in shared or k in NEEDED} for f in frames]
     with replacing(path) as part:
-        part.write_text(json.dumps({**shared, "frames": own}, indent=1) + "\n")
+        part.write_text(json.dumps({**shared, "frames": own}, indent=1) + "\n", encoding="utf-8")
 
 
 def _frame(cameras: Cameras, i: int, image: str) -> dict[str, Any]:
