@@ -33,7 +33,8 @@ SMALL = 1200  # pixels of the longer side, up to which features are sought at tw
 USUAL_FOCAL = 1.2  # of the longer side, where nothing is known
 FEW_FEATURES = 40  # median over the views, below which there is nothing to match
 POOR = 0.2  # of the median: a photograph with fewer features than that is probably blurred
-FOCAL_ON_FILM, FILM = 41989, 35.0  # EXIF's tag, and the width that COLMAP takes for film, in mm
+FOCAL_ON_FILM = 41989  # EXIF's tag of the focal length as it were on film of 36 x 24 mm
+FILM = np.hypot(36, 24)  # its diagonal, to which COLMAP scales as well
 BORDER = 3  # working pixels by which a mask is widened: features need their surroundings
 
 
@@ -156,10 +157,10 @@ def _read_focal(path: Path) -> float | None:
 
 
 def _read_focal_by_pillow(path: Path) -> float | None:
-    """The same, of what COLMAP does not read: from the focal length on film 35 mm wide."""
+    """The same, of what COLMAP does not read."""
     with open_image(path) as image:
         on_film = image.getexif().get_ifd(PIL.ExifTags.IFD.Exif).get(FOCAL_ON_FILM)
-        return float(on_film) / FILM * max(image.size) if on_film else None
+        return float(on_film / FILM * np.hypot(*image.size)) if on_film else None
 
 
 def _find_repeated(found: Sequence[Photograph]) -> dict[str, str]:
