@@ -58,6 +58,7 @@ onstart:
         )
     write_report_plan()
     start()
+    tell_unused()
 
 
 # What a step said is the last to be read, not the long command of it.

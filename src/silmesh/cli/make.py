@@ -26,6 +26,7 @@ from silmesh.cli.photographs import (
 )
 from silmesh.cli.runner import RunError, Runner
 from silmesh.cli.workspace import Workspace, place_of
+from silmesh.datasets import usable
 from silmesh.errors import InputError
 
 VIDEO = "video"  # folder of what a video is cut into; no masks lie beside it
@@ -188,7 +189,7 @@ def _run(
         besides: what is to be made beside the results of a variant
     """
     kind, _, path = cameras.partition(":")
-    where = f"{kind}:{Path(path).absolute()}" if path else cameras
+    where = f"{kind}:{usable(Path(path).absolute())}" if path else cameras
     variant = kind if kind.isidentifier() else "mesh"
     row = {"silhouettes": silhouettes, "cameras": where, "turntable": options["turntable"]}
     values = {
