@@ -17,7 +17,7 @@ import numpy as np
 from PIL import Image, ImageOps, UnidentifiedImageError
 
 from silmesh.errors import InputError
-from silmesh.files import replacing
+from silmesh.files import making
 from silmesh.naming import SUFFIXES, name_views, order_photographs, split_masks
 from silmesh.progress import Share, untold
 
@@ -312,8 +312,7 @@ def write_views(
     """
     views: list[View] = []
     unreadable: dict[str, tuple[str, str]] = {}  # file, and why
-    with replacing(folder) as part:
-        part.mkdir()
+    with making(folder) as part:
         for done, (name, source, image) in enumerate(read_photographs(paths)):
             progress(done / max(len(paths), done + 1))  # an array is one file of many
             if isinstance(image, InputError):
