@@ -74,6 +74,25 @@ def test_what_is_wrong_is_one_line_and_status_2(tmp_path):
     assert said.count("\n") == 1
 
 
+@pytest.mark.parametrize("source", ["threshold", "alpha", "matting"])
+def test_masks_beside_silhouettes_of_another_kind_are_refused(tmp_path, source):
+    photos = photograph(tmp_path / "photos")
+    output = ["-o", tmp_path / "mesh.glb", "--keep", tmp_path / "work"]
+    status, said = call(photos, *output, "--masks", photos, "--silhouettes", source)
+    assert status == 2
+    assert f"--masks {photos}: --silhouettes {source} takes no masks" in said
+
+
+@pytest.mark.parametrize("name", ["{cameras}.json", os.fsdecode(b"K\xf6nig.json")])
+def test_cameras_whose_path_no_rule_can_take_are_refused(tmp_path, name):
+    photos = photograph(tmp_path / "photos")
+    (tmp_path / name).write_text("[]", encoding="utf-8")
+    output = ["-o", tmp_path / "mesh.glb", "--keep", tmp_path / "work"]
+    status, said = call(photos, *output, "--cameras", f"file:{tmp_path / name}")
+    assert status == 2
+    assert "cannot be used" in said
+
+
 def photograph(folder: Path) -> Path:
     """Photographs of an ellipsoid with unequal axes on a turntable, before a plain background."""
     folder.mkdir()
