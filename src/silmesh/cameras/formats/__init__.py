@@ -16,6 +16,7 @@ from silmesh.cameras.formats.matching import Rules, match
 from silmesh.cameras.formats.parts import read_json
 from silmesh.cameras.locate import Located, locate
 from silmesh.cameras.turntable import softras_cameras
+from silmesh.errors import reading
 from silmesh.views import View
 
 
@@ -81,7 +82,8 @@ def attempt_from_file(path: Path, views: Sequence[View]) -> Attempt:
             views
     """
     format_, located = recognise(path)
-    cameras = format_.read(located.path, views)
+    with reading(located.path, format_.name):
+        cameras = format_.read(located.path, views)
     attempt = match(located.path, cameras, views, format_.rules)
     figures = {"format": format_.name, "file": str(located.path), "cameras": len(cameras)}
     return replace(attempt, figures=figures)
