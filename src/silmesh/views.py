@@ -13,9 +13,10 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageOps
 
-from silmesh.errors import InputError
+from silmesh.errors import InputError, reading
 from silmesh.files import replacing
 from silmesh.progress import Share, untold
+from silmesh.reading import open_array
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
 ANIMATED = ("PNG", "WEBP", "TIFF")  # formats, as Pillow calls them, that may have more frames
@@ -165,12 +166,7 @@ def count_array_views(path: Path) -> int:
 
 
 def _open_array(path: Path) -> np.ndarray:
-    try:
-        array = np.lib.format.open_memmap(path, mode="r")
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: is not there") from error
-    except (OSError, ValueError, EOFError) as error:
-        raise InputError(f"{path}: cannot be read as a .npy array: {error}") from error
+    array = open_array(path)
     if array.ndim != 4 or array.shape[1] != 4 or array.dtype != np.uint8 or 0 in array.shape:
         raise InputError(
             f"{path}: should hold [views, 4, height, width] of uint8 (RGB and alpha), "
@@ -189,14 +185,11 @@ def read_image(path: Path | str, least: tuple[int, int] | None = None) -> Image.
     Raises:
         InputError: it cannot be read, is truncated or is too large
     """
-    try:
-        with Image.open(path) as opened:
-            if least:
-                opened.draft(None, (max(least), max(least)))  # it may have to be turned
-            opened.load()
-            return _to_8_bit(ImageOps.exif_transpose(opened))
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise InputError(f"{path}: cannot be read as an image: {error}") from error
+    with reading(path, "an image"), Image.open(path) as opened:
+        if least:
+            opened.draft(None, (max(least), max(least)))  # it may have to be turned
+        opened.load()
+        return _to_8_bit(ImageOps.exif_transpose(opened))
 
 
 def count_frames(path: Path) -> int:
@@ -207,7 +200,7 @@ def count_frames(path: Path) -> int:
     try:
         with Image.open(path) as opened:
             return getattr(opened, "n_frames", 1) if opened.format in ANIMATED else 1
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
+    except Exception:  # of whatever kind
         return 1  # what is wrong with it is said where it is read
 
 

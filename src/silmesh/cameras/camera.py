@@ -274,6 +274,8 @@ def _parse_lens(value: object, where: str) -> Lens | None:
 
 def _parse_array(value: object, shape: tuple[int, ...], where: str) -> Tensor:
     try:
+        if value is None:
+            raise TypeError("not null")
         array = torch.from_numpy(np.array(value, dtype=object).astype(np.float64))
     except (TypeError, ValueError, OverflowError, RecursionError) as error:
         raise InputError(

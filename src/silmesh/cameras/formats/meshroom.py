@@ -99,7 +99,7 @@ def _parse(
     lens = lenses.get(_id(view, "intrinsicId"))
     if lens is None:
         raise InputError(
-            f"{where}: its intrinsics {shorten(view.get('intrinsicId'))} are not in the file"
+            f"{where}: its intrinsics {cut(str(view.get('intrinsicId')), 80)} are not in the file"
         )
     size, K, lens = _parse_intrinsics(lens, version, where)
     transform = _within(_within(poses[_id(view, "poseId")], "pose", where), "transform", where)
