@@ -188,6 +188,8 @@ def read_image(path: Path | str, least: tuple[int, int] | None = None) -> Image.
     with reading(path, "an image"), Image.open(path) as opened:
         if least:
             opened.draft(None, (max(least), max(least)))  # it may have to be turned
+        if 0 in opened.size:
+            raise ValueError(f"it has {opened.width}x{opened.height} pixels")
         opened.load()
         return _to_8_bit(ImageOps.exif_transpose(opened))
 

@@ -15,6 +15,9 @@ from silmesh.files import replacing
 SNAKEFILE = """\
 # The workflow of the silmesh that is installed, on the table and the configuration beside this.
 from silmesh.cli.workspace import find_snakefile
+from silmesh.yamls import main as refuse_wrong
+
+refuse_wrong(["--configfile", "config.yaml"])
 
 
 configfile: "config.yaml"
