@@ -21,6 +21,7 @@ from silmesh.reading import open_array
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
 ANIMATED = ("PNG", "WEBP", "TIFF")  # formats, as Pillow calls them, that may have more frames
 MANIFEST = "views.json"
+SMALL, PACKED = 10_000_000, 8 * 1032  # pixels; pixels a byte, of one bit each and all alike
 GROUND = 124  # grey of the working image of a photograph that cannot be read
 
 
@@ -188,8 +189,7 @@ def read_image(path: Path | str, least: tuple[int, int] | None = None) -> Image.
     with reading(path, "an image"), Image.open(path) as opened:
         if least:
             opened.draft(None, (max(least), max(least)))  # it may have to be turned
-        if 0 in opened.size:
-            raise ValueError(f"it has {opened.width}x{opened.height} pixels")
+        _refuse_impossible(opened, Path(path).stat().st_size)
         opened.load()
         return _to_8_bit(ImageOps.exif_transpose(opened))
 
@@ -204,6 +204,18 @@ def count_frames(path: Path) -> int:
             return getattr(opened, "n_frames", 1) if opened.format in ANIMATED else 1
     except Exception:  # of whatever kind
         return 1  # what is wrong with it is said where it is read
+
+
+def _refuse_impossible(image: Image.Image, size: int) -> None:
+    """Refuse an image of no pixel, or of more than a file of this size can hold.
+
+    Pillow takes a PNG of which most is lacking for one that is black there.
+    """
+    pixels = image.width * image.height
+    if not pixels or (pixels > SMALL and pixels > PACKED * size):
+        raise ValueError(
+            f"it says that it has {image.width}x{image.height} pixels, in {size:,} bytes"
+        )
 
 
 def _to_8_bit(image: Image.Image) -> Image.Image:

@@ -67,7 +67,10 @@ def _parse(text: str, path: Path | str) -> Any:
         if (node := loader.get_single_node()) is None:
             return None
         if (count := _count(node, {}, path)) > MOST:
-            raise InputError(f"{path}: its aliases make {count:,} values; write out what is meant")
+            raise InputError(
+                f"{path}: has {count:,} values, those counted that its aliases repeat; should have "
+                f"at most {MOST:,}"
+            )
         _refuse_equal_keys(node, path)
         return loader.construct_document(node)
     except yaml.YAMLError as error:

@@ -16,7 +16,6 @@ from silmesh.reading import read_text
 
 SLOPPY = 1e-3  # by which R R^T of a file may differ from 1: single precision, four decimals
 SKEW = 0.5  # pixels at the image's edge up to which a skew is left out of what is written
-FOCAL = (1e-3, 1e9)  # pixels: a lens that sees anything has a focal length between these
 UNSAID = (0, 0)  # width and height, where a file gives none: its pixels are the photograph's
 
 
@@ -42,13 +41,7 @@ class Camera:
 
 
 def gather(cameras: Sequence[Camera]) -> Cameras:
-    """Cameras in the file's order, named as it names them.
-
-    Raises:
-        InputError: a number in one is beyond all sense
-    """
-    for camera in cameras:
-        _refuse_extreme(camera)
+    """Cameras in the file's order, named as it names them."""
 
     def stack(name: str) -> torch.Tensor:
         return torch.tensor(np.stack([getattr(c, name) for c in cameras]), dtype=torch.float64)
@@ -61,17 +54,6 @@ def gather(cameras: Sequence[Camera]) -> Cameras:
         stack("t"),
         tuple(c.lens for c in cameras),
     )
-
-
-def _refuse_extreme(camera: Camera) -> None:
-    focal = camera.K[[0, 1], [0, 1]]
-    if (focal < FOCAL[0]).any() or (focal > FOCAL[1]).any():
-        raise InputError(
-            f"camera {shorten(camera.name)}: its focal lengths, {focal[0]:g} and {focal[1]:g}, "
-            f"should be between {FOCAL[0]:g} and {FOCAL[1]:g} pixels"
-        )
-    for what, values in (("K", camera.K), ("t", camera.t)):
-        numbers(values, values.shape, f"camera {shorten(camera.name)}: {what}")
 
 
 def intrinsics(
