@@ -71,6 +71,8 @@ def _change(data: bytes, rng: Rng) -> bytes:
         ways = [change_bytes, change_member, change_member, change_member]
     elif data[:8] == b"\x89PNG\r\n\x1a\n":
         ways = [change_bytes, change_chunk, change_chunk]
+    elif data[:4] == b"glTF" and len(data) > 20:
+        ways = [change_bytes, change_scene, change_scene]
     elif _is_text(data):
         ways = [change_bytes, change_words, change_words, change_lines]
         if data.lstrip()[:1] in (b"{", b"["):
@@ -218,6 +220,16 @@ def change_chunk(data: bytes, rng: Rng) -> bytes:
         struct.pack(">I", len(c)) + k + c + struct.pack(">I", zlib.crc32(k + c)) for k, c in chunks
     ]
     return data[:8] + b"".join(packed)
+
+
+def change_scene(data: bytes, rng: Rng) -> bytes:
+    """Change the JSON of a binary glTF, whose lengths stay right."""
+    (length,) = struct.unpack_from("<I", data, 12)
+    scene = change_json(data[20 : 20 + length], rng)
+    scene += b" " * (-len(scene) % 4)
+    rest = data[20 + length :]
+    head = struct.pack("<4s2I", b"glTF", 2, 20 + len(scene) + len(rest))
+    return head + struct.pack("<I", len(scene)) + data[16:20] + scene + rest
 
 
 def change_packed(data: bytes, rng: Rng) -> bytes:
