@@ -16,10 +16,11 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageOps, UnidentifiedImageError
 
-from silmesh.errors import InputError
+from silmesh.errors import InputError, reading
 from silmesh.files import making
 from silmesh.naming import SUFFIXES, name_views, order_photographs, split_masks
 from silmesh.progress import Share, untold
+from silmesh.reading import open_array
 
 ANIMATED = (
     "PNG",
@@ -28,6 +29,7 @@ ANIMATED = (
     "AVIF",
 )  # formats, as Pillow calls them, that may have more frames
 MANIFEST = "views.json"
+SMALL, PACKED = 10_000_000, 8 * 1032  # pixels; pixels a byte, of one bit each and all alike
 GROUND = 124  # grey of the working image of a photograph that cannot be read
 
 
@@ -192,12 +194,7 @@ def count_array_views(path: Path) -> int:
 
 
 def _open_array(path: Path) -> np.ndarray:
-    try:
-        array = np.lib.format.open_memmap(path, mode="r")
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: is not there") from error
-    except (OSError, ValueError, EOFError) as error:
-        raise InputError(f"{path}: cannot be read as a .npy array: {error}") from error
+    array = open_array(path)
     if array.ndim != 4 or array.shape[1] != 4 or array.dtype != np.uint8 or 0 in array.shape:
         raise InputError(
             f"{path}: should hold [views, 4, height, width] of uint8 (RGB and alpha), "
@@ -232,14 +229,12 @@ def read_image(path: Path | str, least: tuple[int, int] | None = None) -> Image.
     Raises:
         InputError: it cannot be read, is truncated or is too large
     """
-    try:
-        with open_image(path) as opened:
-            if least:
-                opened.draft(None, (max(least), max(least)))  # it may have to be turned
-            opened.load()
-            return _to_8_bit(ImageOps.exif_transpose(opened))
-    except Exception as error:  # decoders raise anything on damaged files
-        raise InputError(f"{path}: cannot be read as an image: {error}") from error
+    with reading(path, "an image"), open_image(path) as opened:
+        if least:
+            opened.draft(None, (max(least), max(least)))  # it may have to be turned
+        _refuse_impossible(opened, Path(path).stat().st_size)
+        opened.load()
+        return _to_8_bit(ImageOps.exif_transpose(opened))
 
 
 def count_frames(path: Path) -> int:
@@ -250,8 +245,20 @@ def count_frames(path: Path) -> int:
     try:
         with open_image(path) as opened:
             return getattr(opened, "n_frames", 1) if opened.format in ANIMATED else 1
-    except Exception:
+    except Exception:  # of whatever kind
         return 1  # what is wrong with it is said where it is read
+
+
+def _refuse_impossible(image: Image.Image, size: int) -> None:
+    """Refuse an image of no pixel, or of more than a file of this size can hold.
+
+    Pillow takes a PNG of which most is lacking for one that is black there.
+    """
+    pixels = image.width * image.height
+    if not pixels or (pixels > SMALL and pixels > PACKED * size):
+        raise ValueError(
+            f"it says that it has {image.width}x{image.height} pixels, in {size:,} bytes"
+        )
 
 
 def _to_8_bit(image: Image.Image) -> Image.Image:

@@ -20,6 +20,9 @@ from silmesh.naming import quote
 SNAKEFILE = """\
 # The workflow of the silmesh that is installed, on the table and the configuration beside this.
 from silmesh.cli.workspace import find_snakefile
+from silmesh.yamls import main as refuse_wrong
+
+refuse_wrong(["--configfile", "config.yaml"])
 
 
 configfile: "config.yaml"

@@ -9,7 +9,7 @@ import av
 import numpy as np
 from PIL import Image
 
-from silmesh.errors import InputError
+from silmesh.errors import InputError, reading
 from silmesh.files import making
 
 PARTS = 60  # photographs of a video
@@ -42,18 +42,16 @@ def cut(video: Path, folder: Path) -> list[Path]:
 
 def _sharpest(video: Path) -> Iterator[Image.Image]:
     """The sharpest frame of each part, upright."""
-    try:
-        with open(video, "rb") as file, av.open(file) as film:  # its name may not be in UTF-8
-            if not film.streams.video:
-                raise InputError(f"{video}: has no pictures")
-            stream = film.streams.video[0]
-            stream.thread_type = "AUTO"
-            length = _count(film, stream)
-            frames = enumerate(film.decode(stream))
-            for _, part in groupby(frames, lambda pair: min(pair[0] * PARTS // length, PARTS - 1)):
-                yield _upright(max((frame for _, frame in part), key=_sharpness))
-    except (av.FFmpegError, OSError) as error:
-        raise InputError(f"{video}: cannot be read as a video: {error.strerror}") from error
+    # Opened here, since its name may not be in UTF-8.
+    with reading(video, "a video"), open(video, "rb") as file, av.open(file) as film:
+        if not film.streams.video:
+            raise InputError(f"{video}: has no pictures")
+        stream = film.streams.video[0]
+        stream.thread_type = "AUTO"
+        length = _count(film, stream)
+        frames = enumerate(film.decode(stream))
+        for _, part in groupby(frames, lambda pair: min(pair[0] * PARTS // length, PARTS - 1)):
+            yield _upright(max((frame for _, frame in part), key=_sharpness))
 
 
 def _count(film: av.container.InputContainer, stream: av.VideoStream) -> int:

@@ -20,11 +20,12 @@ from silmesh.cameras.formats.parts import (
     gather,
     intrinsics,
     numbers,
+    pixels,
     read_lines,
     refuse_skew,
 )
 from silmesh.cameras.lens import CURVED, PLAIN, Lens, lens_of
-from silmesh.errors import InputError, blaming
+from silmesh.errors import InputError, blaming, cut, shorten
 from silmesh.files import replacing, try_file
 
 MODELS = {  # by their number in a binary model
@@ -53,6 +54,7 @@ WIDER = {  # with two focal lengths, as images that were stretched need
     "SIMPLE_RADIAL_FISHEYE": "OPENCV_FISHEYE",
     "RADIAL_FISHEYE": "OPENCV_FISHEYE",
 }
+SMALLEST = 1e-6  # norm of a quaternion, which should be 1
 OURS = b"written by silmesh"
 HEADER = f"# {{}}, {OURS.decode()}; pixel centres lie at integer + 0.5\n"
 Intrinsics = tuple[tuple[int, int], np.ndarray, Lens | None]  # size, K, lens
@@ -66,7 +68,9 @@ def split(model: str, parameters: Sequence[float], where: str) -> tuple[np.ndarr
     """
     count = 3 if model in ONE_FOCAL else 4
     if len(parameters) < count:
-        raise InputError(f"{where}: {model} has {len(parameters)} parameters, which are too few")
+        raise InputError(
+            f"{where}: {cut(model, 40)} has {len(parameters)} parameters, which are too few"
+        )
     cx, cy = parameters[count - 2 : count]
     with blaming(where):
         lens = lens_of(model, parameters[count:])
@@ -76,24 +80,40 @@ def split(model: str, parameters: Sequence[float], where: str) -> tuple[np.ndarr
 def read(folder: Path) -> Cameras:
     """Cameras by the names of the model's images; a binary model goes before a text one."""
     if (folder / "cameras.bin").is_file() and (folder / "images.bin").is_file():
-        cameras = dict(_cameras_binary(folder / "cameras.bin"))
+        cameras = _by_number(_cameras_binary(folder / "cameras.bin"), folder)
         images = list(_images_binary(folder / "images.bin"))
     else:
-        cameras = dict(_cameras_text(folder / "cameras.txt"))
+        cameras = _by_number(_cameras_text(folder / "cameras.txt"), folder)
         images = list(_images_text(folder / "images.txt"))
     if not images:
         raise InputError(f"{folder}: the model has no image; no photograph was registered")
     return gather([_join(folder, cameras, *image) for image in images])
 
 
+def _by_number(cameras: Iterator[tuple[int, Intrinsics]], folder: Path) -> dict[int, Intrinsics]:
+    found: dict[int, Intrinsics] = {}
+    for number, camera in cameras:
+        if number in found:
+            raise InputError(f"{folder}: has camera {number} twice")
+        found[number] = camera
+    return found
+
+
+def _to_number(word: str, where: str) -> int:
+    """A camera's number from a text."""
+    if not (word.isascii() and word.isdecimal() and len(word) < 20):
+        raise InputError(f"{where}: CAMERA_ID should be a number, not {shorten(word)}")
+    return int(word)
+
+
 def _join(
     folder: Path, cameras: Mapping[int, Intrinsics], number: int, pose: np.ndarray, name: str
 ) -> Camera:
-    where = f"{folder}: image {name}"
+    where = f"{folder}: image {cut(name, 80)}"
     if number not in cameras:
         raise InputError(f"{where}: has camera {number}, which the model does not hold")
     numbers(pose, (7,), f"{where}: its pose")
-    if not np.linalg.norm(pose[:4]) > 0:
+    if not np.linalg.norm(pose[:4]) > SMALLEST:
         raise InputError(f"{where}: its quaternion is zero")
     size, K, lens = cameras[number]
     R = Rotation.from_quat(pose[:4], scalar_first=True).as_matrix()
@@ -106,11 +126,17 @@ def _rows(path: Path) -> list[str]:
 
 def _cameras_text(path: Path) -> Iterator[tuple[int, Intrinsics]]:
     for row in filter(None, _rows(path)):
-        number, model, *values = row.split()
-        where = f"{path}: camera {number}"
+        words = row.split()
+        if len(words) < 5:
+            raise InputError(
+                f"{path}: a camera should be CAMERA_ID MODEL WIDTH HEIGHT PARAMS[], not "
+                f"{shorten(row)}"
+            )
+        number, model, width, height, *values = words
+        where = f"{path}: camera {cut(number, 20)}"
+        size = pixels(width, height, where)
         values = numbers(values, (len(values),), where).tolist()
-        K, lens = split(model, values[2:], where)
-        yield int(number), ((int(values[0]), int(values[1])), K, lens)
+        yield _to_number(number, where), (size, *split(model, values, where))
 
 
 def _images_text(path: Path) -> Iterator[tuple[int, np.ndarray, str]]:
@@ -125,8 +151,9 @@ def _images_text(path: Path) -> Iterator[tuple[int, np.ndarray, str]]:
                 f"{path}: an image should be IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, with a "
                 f"line of its points or an empty one after it, not {row[:80]!r}"
             )
-        pose = numbers(parts[1:8], (7,), f"{path}: image {parts[9]}")
-        yield int(parts[8]), pose, parts[9]
+        where = f"{path}: image {cut(parts[9], 80)}"
+        pose = numbers(parts[1:8], (7,), where)
+        yield _to_number(parts[8], where), pose, parts[9]
 
 
 class _Bytes:
@@ -179,7 +206,7 @@ def _cameras_binary(path: Path) -> Iterator[tuple[int, Intrinsics]]:
         model = MODELS[kind]
         count = len(CURVED.get(model, ())) + (3 if model in ONE_FOCAL else 4)
         K, lens = split(model, list(file.take(f"{count}d")), where)
-        yield number, ((width, height), K, lens)
+        yield number, (pixels(width, height, where), K, lens)
 
 
 def _images_binary(path: Path) -> Iterator[tuple[int, np.ndarray, str]]:

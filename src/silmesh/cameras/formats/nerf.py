@@ -24,16 +24,18 @@ from silmesh.cameras.formats.parts import (
     intrinsics,
     nearest_rotation,
     numbers,
+    pixels,
     read_json,
     refuse_skew,
 )
 from silmesh.cameras.lens import CURVED, PLAIN, Lens, lens_of
-from silmesh.errors import InputError, blaming
+from silmesh.errors import InputError, blaming, cut
 from silmesh.files import replacing
 from silmesh.views import View
 
 FLIP = np.diag([1.0, -1.0, -1.0])  # between OpenGL's camera axes and ours
 NEEDED = ("file_path", "transform_matrix")  # of each frame
+NARROWEST = 1e-6  # radians across a photograph
 LENS = ("k1", "k2", "k3", "k4", "p1", "p2")
 KEPT = (*PLAIN, "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE")  # that are written
 
@@ -58,12 +60,13 @@ def _parse(frame: Mapping[str, Any], where: str, views: Sequence[View]) -> Camer
         if key not in frame:
             raise InputError(f"{where}: {key!r} is missing")
     name = str(frame["file_path"])
-    where = f"{where} ({name})"
+    where = f"{where} ({cut(name, 80)})"
     pose = frame["transform_matrix"]
     pose = pose[:3] if isinstance(pose, list) else pose
     pose = numbers(pose, (3, 4), f"{where}: transform_matrix")
     R = FLIP @ nearest_rotation(pose[:, :3], where).T
-    size = tuple(int(_number(frame, key, where, 0)) for key in ("w", "h"))
+    given = frame.get("w"), frame.get("h")
+    size = UNSAID if None in given else pixels(*given, where)
     own = next((v for v in views if v.view == PureWindowsPath(name).stem), views[0])
     K = _parse_intrinsics(frame, size if all(size) else (own.width, own.height), where)
     with blaming(where):
@@ -79,11 +82,12 @@ def _number(frame: Mapping[str, Any], key: str, where: str, default: float) -> f
 def _parse_intrinsics(frame: Mapping[str, Any], size: tuple[int, int], where: str) -> np.ndarray:
     width, height = size
     across = _number(frame, "camera_angle_x", where, 0)
-    if "fl_x" not in frame and not 0 < across < math.pi:
+    fx = _number(frame, "fl_x", where, 0)
+    if not fx and not NARROWEST < across < math.pi:
         raise InputError(
             f"{where}: should have fl_x, or camera_angle_x between 0 and pi, not {across:g}"
         )
-    fx = _number(frame, "fl_x", where, 0) or width / 2 / math.tan(across / 2)
+    fx = fx or width / 2 / math.tan(across / 2)
     fy = _number(frame, "fl_y", where, fx)
     centre = _number(frame, "cx", where, width / 2), _number(frame, "cy", where, height / 2)
     return intrinsics((fx, fy), centre, where)
