@@ -153,6 +153,17 @@ def test_what_lies_beside_photographs_and_is_not_used_is_told_by_kind(tmp_path):
     }
 
 
+def test_what_is_used_otherwise_is_not_told_of(tmp_path, monkeypatch):
+    save_series(tmp_path, "a")
+    used = [tmp_path / name for name in ("mine.json", "mesh.glb")]
+    for path in used:
+        path.touch()
+    save_series(tmp_path / "white", "a")
+    assert len(find_photographs([tmp_path])[1]) == 2
+    monkeypatch.chdir(tmp_path)
+    assert find_photographs([tmp_path], [*used, type(tmp_path)("white")])[1] == []
+
+
 @pytest.mark.parametrize("name", ["transforms.json", "cameras.xml", "poses_bounds.npy", "sparse/0"])
 @pytest.mark.parametrize("place", ["", "photos"])
 def test_cameras_beside_photographs_are_told_of_with_their_option(tmp_path, name, place):

@@ -71,9 +71,12 @@ def make_mesh(
     _try_outputs(output, page)
     folder, name = place_of(paths, keep)
     try_workspace(folder, OTHER_KEEP if keep else OTHER_CACHE)
-    files, notes = find_photographs(_cut_video(paths, folder / VIDEO))
+    besides = [output, page, masks, _path_of(cameras), folder]
+    files, notes = find_photographs(
+        _cut_video(paths, folder / VIDEO), [path for path in besides if path]
+    )
     found, lacking = _find_masks(files, masks, silhouettes)
-    known = find_cameras(files) if not (cameras or "").startswith("file:") else []
+    known = [] if _path_of(cameras) else find_cameras(files)
     _say(describe_count(files), *notes, *lacking, *known)
     silhouettes, tries = _choose(files, bool(found), silhouettes, cameras)
     _refuse_inputs((output, page), (*files, *found))
@@ -94,6 +97,12 @@ def make_mesh(
     click.echo(describe(output, metrics))
     for doubt in find_doubts(metrics, work.folder / "results"):
         _say(f"doubtful: {doubt}")
+
+
+def _path_of(cameras: str | None) -> Path | None:
+    """The file or folder that cameras are read from, if they are."""
+    _, _, path = (cameras or "").partition(":")
+    return Path(path) if path else None
 
 
 def _try_outputs(output: Path, page: Path | None) -> None:

@@ -46,11 +46,14 @@ def is_video(path: Path) -> bool:
     return path.suffix.lower() in VIDEOS
 
 
-def find_photographs(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
+def find_photographs(
+    paths: Sequence[Path], besides: Iterable[Path] = ()
+) -> tuple[list[Path], list[str]]:
     """The photographs that a person names, in the natural order of their views.
 
     Args:
         paths: one folder, or files
+        besides: what is used otherwise, and may lie there too
     Returns:
         the files, and what a person should know of them and of what is not used
 
@@ -70,7 +73,9 @@ def find_photographs(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
         )
     if folders:
         files = _in_folder(folders[0])
-        return files, [*_tell_unused(_others_in(folders[0]), files), *_tell_shapes(files)]
+        known = set(map(os.path.abspath, besides))
+        others = [path for path in _others_in(folders[0]) if os.path.abspath(path) not in known]
+        return files, [*_tell_unused(others, files), *_tell_shapes(files)]
     files, others, set_apart = _take_named(named)
     notes = [f"these are taken for one object: {mix}" for mix in filter(None, [_mix(files)])]
     if set_apart:
