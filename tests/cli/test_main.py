@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import get_args
 
 import numpy as np
+import pillow_heif
 import pytest
 import trimesh
 from click.shell_completion import ShellComplete
@@ -18,6 +19,7 @@ from scenes import silhouettes, turntable
 
 from silmesh.cli.main import main
 from silmesh.config import FITS, Policy, SilhouetteSource
+from silmesh.naming import natural_key
 from silmesh.provenance import SOURCE
 
 COMMAND = [sys.executable, "-c", "from silmesh.cli.main import main; main(prog_name='silmesh')"]
@@ -166,3 +168,28 @@ def test_photographs_to_a_mesh_and_on_after_an_interruption(tmp_path):
     assert last.startswith(f"silmesh: {photos}/r3.png: view 'r3', silhouettes from 'threshold': ")
     assert said == ""
     assert not (tmp_path / "other.stl").exists()
+
+
+@pytest.mark.slow
+def test_telephones_photographs_of_any_names_in_a_plain_locale(tmp_path, monkeypatch):
+    """HEIC of equal names in two folders, whose names no rule could take, and masks beside them."""
+    pillow_heif.register_heif_opener()
+    shots = sorted(photograph(tmp_path / "shots").iterdir(), key=natural_key)
+    folders = [tmp_path / os.fsdecode(name) for name in (b"{1} K\xf6nig", b"{2} K\xf6nig")]
+    for place, shot in enumerate(shots):
+        folder = folders[place >= VIEWS // 2]
+        folder.mkdir(exist_ok=True)
+        with Image.open(shot) as image:
+            image.save(folder / f"[{place % (VIEWS // 2)}] \u00fc.HEIC", quality=90)
+            white = image.getchannel("R").point(lambda grey: 255 * (grey > 100))
+            white.save(folder / f"[{place % (VIEWS // 2)}] \u00fc_MASK.png")
+    for key, value in {"LC_ALL": "C", "PYTHONIOENCODING": "ascii"}.items():
+        monkeypatch.setenv(key, value)
+    named = [path for folder in folders for path in folder.iterdir()]
+    known = "--cameras", "turntable", "--turntable", "2.732,10,30"
+    status, said, told = run(tmp_path, *named, *known, "-o", "mesh.ply")
+    assert status == 0, told
+    assert told.startswith("silmesh: 12 photographs\n")
+    assert "silhouettes: mask (each photograph has one)" in told
+    assert said.startswith("mesh.ply: good; ")
+    assert "(IoU) in 12 photographs, " in said
