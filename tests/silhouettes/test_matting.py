@@ -8,10 +8,11 @@ from PIL import Image
 from scenes import save
 
 from silmesh.errors import InputError
+from silmesh.naming import match_masks
 from silmesh.silhouettes import matting, read_silhouettes, write_silhouettes
 from silmesh.silhouettes.matting import Settings, find_all, open_model
 from silmesh.silhouettes.weights import find_weights
-from silmesh.views import find_images, match_masks, write_views
+from silmesh.views import find_images, write_views
 
 onnxruntime = pytest.importorskip("onnxruntime")
 OTHERS = Path(onnxruntime.__file__).parent / "datasets"  # small models that it brings along
@@ -31,8 +32,8 @@ def test_isnet_finds_the_real_objects(weights, data, tmp_path):
     tube, bunny = data / "aloi_moisturiser", data / "bunny"
     photographs = [tube / "png2/moisturiser/moisturiser_r40.png", bunny / "images/0020.jpg"]
     masks = [
-        *match_masks(photographs[:1], [tube / "mask2/moisturiser/moisturiser_r40.png"]),
-        *match_masks(photographs[1:], [bunny / "masks/0020.png"]),
+        *match_masks(photographs[:1], [tube / "mask2/moisturiser/moisturiser_r40.png"])[0],
+        *match_masks(photographs[1:], [bunny / "masks/0020.png"])[0],
     ]
     views = write_views(photographs, 256, "pad", tmp_path / "views")
     write_silhouettes("mask", views, tmp_path / "views", masks, tmp_path / "true")
