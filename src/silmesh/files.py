@@ -16,6 +16,8 @@ from silmesh.errors import InputError
 
 MADE = ".silmesh"  # in a folder that was made here: the names of all that was put into it
 ALLOWED = {MADE, ".snakemake_timestamp"}  # beside them
+PART = ".part-"  # begins the names of what is being written
+NOT_OURS = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES}  # what a disk refuses
 TRIED = 1 << 16  # bytes: a full disk has room for a name, and for no more
 
 
@@ -94,7 +96,7 @@ def _beside(path: Path) -> Iterator[Path]:
     """A path beside another; nothing is left there after the block."""
     with _naming(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".part-{path.name}")
+    part = path.with_name(f"{PART}{path.name}")
     _discard(part)
     try:
         yield part

@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from silmesh.errors import InputError
+from silmesh.files import NOT_OURS
 
 # Heavier modules are imported where they are used, so that help and completion come at once.
 
@@ -153,6 +154,10 @@ def make(photos: tuple[Path, ...], output: Path, **options: Any) -> None:
         _end(str(error), WRONG)
     except RunError as error:
         _end(str(error), FAILED)
+    except OSError as error:
+        if error.errno not in NOT_OURS:
+            raise
+        _end(f"{error.filename}: {error.strerror}", FAILED)
     except KeyboardInterrupt:
         _end("stopped; the same command goes on from here", STOPPED)
 

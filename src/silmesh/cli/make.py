@@ -26,7 +26,7 @@ from silmesh.cli.photographs import (
     is_video,
 )
 from silmesh.cli.runner import RunError, Runner
-from silmesh.cli.workspace import Workspace, place_of, try_workspace
+from silmesh.cli.workspace import Workspace, claim, place_of, try_workspace
 from silmesh.datasets import usable
 from silmesh.errors import InputError
 from silmesh.files import try_file
@@ -72,9 +72,7 @@ def make_mesh(
     folder, name = place_of(paths, keep)
     try_workspace(folder, OTHER_KEEP if keep else OTHER_CACHE)
     besides = [output, page, masks, _path_of(cameras), folder]
-    files, notes = find_photographs(
-        _cut_video(paths, folder / VIDEO), [path for path in besides if path]
-    )
+    files, notes = find_photographs(_cut_video(paths, folder), [path for path in besides if path])
     found, lacking = _find_masks(files, masks, silhouettes)
     known = [] if _path_of(cameras) else find_cameras(files)
     _say(describe_count(files), *notes, *lacking, *known)
@@ -130,13 +128,14 @@ def _refuse_inputs(outputs: Sequence[Path | None], files: Sequence[Path]) -> Non
 
 
 def _cut_video(paths: Sequence[Path], folder: Path) -> Sequence[Path]:
-    """What is named; of a video the photographs that it is cut into."""
+    """What is named; of a video the photographs that it is cut into, in the folder to work in."""
     if len(paths) > 1 or not is_video(paths[0]):
         return paths
     from silmesh.cli.video import cut  # its libraries, for few
 
+    claim(folder)
     _say(f"{paths[0]}: is a video; the sharpest pictures are taken from it")
-    return cut(paths[0], folder / "frames")
+    return cut(paths[0], folder / VIDEO / "frames")
 
 
 def _find_masks(

@@ -19,7 +19,7 @@ from silmesh.cli.workspace import CONFIG, find_snakefile
 from silmesh.errors import InputError
 from silmesh.files import try_inside
 from silmesh.progress import EVERY
-from silmesh.silhouettes.weights import user_cache
+from silmesh.silhouettes.weights import CACHE, cache_folder, user_cache
 
 TICK = 0.5  # seconds between two looks at the clock
 PATIENCE = 10.0  # seconds that a stopped run has to end by itself
@@ -161,7 +161,9 @@ def _environment(folder: Path) -> dict[str, str]:
     Where no home can be written, as in a container, Snakemake's cache is in the run's own folder.
     """
     kept = {k: v for k, v in os.environ.items() if not k.startswith("SNAKEMAKE")}
-    if "PYTHONPATH" in kept:  # it works in another folder
+    if kept.get(CACHE):  # it works in another folder
+        kept[CACHE] = str(cache_folder().absolute())
+    if "PYTHONPATH" in kept:
         parts = kept["PYTHONPATH"].split(os.pathsep)
         kept["PYTHONPATH"] = os.pathsep.join(os.path.abspath(part) for part in parts if part)
     try:

@@ -23,7 +23,7 @@ from silmesh.cli.photographs import is_video
 from silmesh.config import NAME
 from silmesh.datasets import COLUMNS, RESERVED, UNPRINTABLE
 from silmesh.errors import InputError
-from silmesh.files import replacing, try_inside
+from silmesh.files import PART, replacing, try_inside
 from silmesh.naming import SUFFIXES, name_views, natural_key
 from silmesh.places import WRITTEN, try_places
 from silmesh.plan import Plan
@@ -83,6 +83,19 @@ def try_workspace(folder: Path, remedy: str) -> None:
         raise InputError(f"{error}; {remedy}") from error
 
 
+def claim(folder: Path) -> str:
+    """Make a folder to work in, or take one that is empty or ours: the version that did so.
+
+    Raises:
+        InputError: it is neither
+    """
+    _refuse_others(folder)
+    if not (made := _read_made(folder)):
+        made = {"version": version("silmesh")}
+        write_text(folder / MADE_BY, json.dumps(made) + "\n")
+    return made["version"]
+
+
 @dataclass(frozen=True)
 class Workspace:
     """A folder of one object's.
@@ -125,10 +138,7 @@ class Workspace:
         Raises:
             InputError: the folder has what is not of silmesh
         """
-        _refuse_others(self.folder)
-        self.folder.mkdir(parents=True, exist_ok=True)
-        now = version("silmesh")
-        before = self._note().get("version", now)
+        now, before = version("silmesh"), claim(self.folder)
         for name, links in self._links().items():
             place = self.folder / name
             ours = _ours(_links_in(place), _read_made(self.folder).get(name))
@@ -158,12 +168,9 @@ class Workspace:
         files = {"object": self.object, "images": PHOTOGRAPHS}
         return to_table([files | ({"masks": MASKS} if self.masks else {}) | row])
 
-    def _note(self, **values: Any) -> dict[str, Any]:
-        """Keep in mind what was put into the folder; what was known before."""
-        known = _read_made(self.folder)
-        made = {"version": version("silmesh")} | known | values
-        write_text(self.folder / MADE_BY, json.dumps(made) + "\n")
-        return known
+    def _note(self, **values: Any) -> None:
+        """Keep in mind what is put into the folder."""
+        write_text(self.folder / MADE_BY, json.dumps(_read_made(self.folder) | values) + "\n")
 
     def result(self, variant: str, name: str) -> str:
         """The path of one of a variant's results, from the folder."""
@@ -206,7 +213,7 @@ def place_of(paths: Sequence[Path], keep: Path | None = None) -> tuple[Path, str
         return keep.absolute(), name
     named = "\n".join(sorted(str(path.absolute()) for path in paths))
     digest = zlib.crc32(os.fsencode(named))
-    return cache_folder() / "objects" / f"{name}-{digest:08x}", name
+    return cache_folder().absolute() / "objects" / f"{name}-{digest:08x}", name
 
 
 def name_links(files: Sequence[Path]) -> list[str]:
@@ -230,18 +237,21 @@ def _ending(file: Path) -> str:
 
 def _refuse_others(folder: Path) -> None:
     """Refuse a folder, neither new nor empty, that is not ours, or what is not ours in it."""
-    if not folder.is_dir() or not any(folder.iterdir()):
+    names = os.listdir(folder) if os.path.isdir(folder) else []
+    if all(name.startswith(PART) for name in names):  # as a kill leaves of the first file
         return
     if not (made := _read_made(folder)):
-        first = min(path.name for path in folder.iterdir())
         raise InputError(
-            f"{folder}: holds {first}, and is no folder that silmesh works in; should be a new or "
-            "an empty one"
+            f"{folder}: holds {min(names)}, and is no folder that silmesh works in; should be a "
+            "new or an empty one"
         )
-    for name in (TABLE, CONFIG):
-        if (folder / name).is_file() and _digest(folder / name) not in made.get(name, [None]):
+    unnoted = [] if PHOTOGRAPHS in made else None  # an earlier silmesh noted only its version
+    for file in (folder / TABLE, folder / CONFIG):
+        known = made.get(file.name, unnoted)
+        if file.is_file() and known is not None and _digest(file) not in known:
             raise InputError(
-                f"{folder / name}: was changed since silmesh wrote it; `snakemake` runs it as it is"
+                f"{file}: was changed since silmesh wrote it; should be removed, or be run as it "
+                "is by `snakemake`"
             )
 
 

@@ -42,6 +42,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         views = read_views(given.views)
         progress = share_of(f"colmap_masked {given.output}")
         seen = read_silhouettes(given.silhouettes, [view.view for view in views])
+        given.output.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(dir=given.output.parent, prefix=".part-") as scratch:
             inside, matches, model = (Path(scratch) / name for name in ("f", "m", "s"))
             make_stage(

@@ -1,7 +1,7 @@
 """How a step meets the command line: its parser, and errors of the user's without a traceback."""
 
 import argparse
-import errno
+import os
 import shlex
 import sys
 from collections.abc import Callable, Sequence
@@ -9,9 +9,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from silmesh.errors import InputError
-from silmesh.files import try_file, try_folder, try_inside
-
-NOT_OURS = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES}  # what a disk refuses
+from silmesh.files import NOT_OURS, try_file, try_folder, try_inside
 
 
 class _Parser(argparse.ArgumentParser):
@@ -42,7 +40,7 @@ def output_folder(path: str) -> Path:
 
 def output_place(path: str) -> Path:
     """The type of an argument that names a file to write, or a folder to write files into."""
-    return _tried(try_inside if Path(path).is_dir() else try_file, path)
+    return _tried(try_inside if os.path.isdir(path) else try_file, path)
 
 
 def _tried(attempt: Callable[[Path], None], path: str) -> Path:
