@@ -133,6 +133,12 @@ ROW = {
         ({"t": [0, 0, math.inf]}, r"t should be finite numbers, not \[0.0, 0.0, inf\]"),
         ({"t": ["x", 0, 0]}, "t should be numbers"),
         ({"width": 0}, "width and height should be"),
+        ({"width": 10**400}, "width and height should be numbers"),
+        ({"width": 10**9}, "width and height should be 1, 2, ..., 1000000"),
+        ({"t": [0, 0, 1e300]}, "t should be numbers up to"),
+        ({"t": {"x": 1}}, "t should be numbers"),
+        ({"R": [[[]]]}, "R should be finite numbers of shape"),
+        ({"K": True}, "K should be finite numbers of shape"),
         ({"height": 2.5}, "width and height should be"),
     ],
 )

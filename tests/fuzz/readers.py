@@ -322,10 +322,8 @@ def _images() -> Iterator[Reader]:
     if features.check("avif"):
         kinds.append(("avif", "RGB", {"exif": exif}))
     for ending, mode, options in kinds:
-        name = (
-            f"image {ending} {mode} {options.get('compression', '') or ' '.join(options)}".strip()
-        )
-        yield Reader(name, _image(ending, mode, **options), _read_image)
+        name = f"image {ending} {mode} {options.get('compression', ' '.join(options))}"
+        yield Reader(name.strip(), _image(ending, mode, **options), _read_image)
 
 
 def _array() -> Reader:
