@@ -319,3 +319,21 @@ def test_an_array_takes_no_masks(table):
     np.save(table.parent / "source.npy", np.zeros((3, 4, 8, 8), np.uint8))
     message = refusal(table, HEADER + line(images="source.npy"))
     assert "an array of images has its masks in its alpha channel" in message
+
+
+@pytest.mark.parametrize("column", ["images", "masks", "cameras", "truth"])
+@pytest.mark.parametrize("path", ["a" * 256, "ä" * 200, "a/" * 3000])
+def test_a_path_that_no_file_can_have(table, column, path):
+    cell = f"file:{path}.npy" if column == "cameras" else f"{path}.ply"
+    message = refusal(table, HEADER + line(**{column: cell}))
+    assert "is a path of" in message
+    assert len(message) < 1000
+
+
+@pytest.mark.parametrize("pattern", ["x**", "photos/**.png", "**x/*.png"])
+def test_a_glob_that_is_none(table, pattern):
+    assert "cannot be read: Invalid pattern: '**'" in refusal(table, HEADER + line(images=pattern))
+
+
+def test_a_cell_of_too_many_letters(table):
+    assert "field larger than field limit" in refusal(table, HEADER + line(object="a" * 200_000))

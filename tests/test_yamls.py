@@ -68,8 +68,9 @@ def test_a_value_is_shortened_in_the_message(tmp_path):
 
 
 @pytest.mark.parametrize("key", ["datasets", "published"])
-def test_a_path_with_a_zero_byte(key):
-    values = {"datasets": "d", "variants": {"a": {}}} | {key: "a\0b"}
+@pytest.mark.parametrize("path", ["a\0b", "a" * 256, "a/" * 3000])
+def test_a_path_that_no_file_can_have(key, path):
+    values = {"datasets": "d", "variants": {"a": {}}} | {key: path}
     with pytest.raises(InputError, match=rf"c\.yaml: {key}: should be the path of a table"):
         parse_config(values, "c.yaml")
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageOps
 
-from silmesh.errors import InputError, reading
+from silmesh.errors import InputError, explain, reading
 from silmesh.files import replacing
 from silmesh.progress import Share, untold
 from silmesh.reading import open_array
@@ -96,8 +96,8 @@ def find_images(pattern: Path) -> list[Path]:
     """
     try:
         files, lacking = _match_files(pattern)
-    except OSError as error:
-        raise InputError(f"{pattern}: cannot be read: {error.strerror}") from error
+    except (OSError, ValueError) as error:  # ValueError of a glob such as x**
+        raise InputError(f"{pattern}: cannot be read: {explain(error)}") from error
     if not files:
         raise InputError(f"{pattern}: {lacking}")
     files = sorted(sorted(files), key=natural_key)  # r5 and r05 in an order of their own
