@@ -126,6 +126,12 @@ def test_counts_that_lie_take_no_memory(tmp_path, name):
         read_mesh(tmp_path / name)
 
 
+def test_vertices_of_one_number_each_are_refused(tmp_path):
+    (tmp_path / "a.obj").write_text("v 1\nv 2\nv 3\nf 1 2 3\n")
+    with pytest.raises(InputError, match=r"a\.obj: (holds vertices of 1 coord|cannot be read)"):
+        read_mesh(tmp_path / "a.obj")
+
+
 @pytest.mark.parametrize("name", ["a.3mf", "a.dae", "a.gltf", "a.zip", "a"])
 def test_other_formats_are_not_tried(tmp_path, name):
     (tmp_path / name).touch()

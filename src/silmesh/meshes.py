@@ -42,6 +42,8 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
 def _refuse_wrong(path: Path, mesh: trimesh.Trimesh) -> None:
     """Refuse numbers that no mesh has."""
     verts, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    if verts.shape[1:] != (3,) or faces.shape[1:] != (3,):
+        raise InputError(f"{path}: holds vertices of {verts.shape[1]} coordinates; should have 3")
     if not np.isfinite(verts).all():
         raise InputError(f"{path}: holds a vertex that is not finite")
     if (far := np.abs(verts).max()) > FARTHEST:
