@@ -414,3 +414,11 @@ def test_an_image_of_more_than_its_file_can_hold_is_refused(tmp_path, size):
     (tmp_path / "a.png").write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(packed))
     with pytest.raises(InputError, match=r"a\.png: cannot be read as an image: "):
         read_image(tmp_path / "a.png")
+
+
+def test_a_program_that_draws_is_not_run(tmp_path):
+    """Pillow would hand it to Ghostscript, whatever the file's name ends in."""
+    Image.fromarray(RGB).save(tmp_path / "a.eps")
+    (tmp_path / "a.eps").rename(tmp_path / "a.png")
+    with pytest.raises(InputError, match=r"a\.png: .* it is a program that draws one \(EPS\)"):
+        read_image(tmp_path / "a.png")

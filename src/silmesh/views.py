@@ -21,6 +21,7 @@ from silmesh.reading import open_array
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
 ANIMATED = ("PNG", "WEBP", "TIFF")  # formats, as Pillow calls them, that may have more frames
 MANIFEST = "views.json"
+PROGRAMS = ("EPS", "WMF")  # formats, as Pillow calls them, that it has another program run
 SMALL, PACKED = 10_000_000, 8 * 1032  # pixels; pixels a byte, of one bit each and all alike
 GROUND = 124  # grey of the working image of a photograph that cannot be read
 
@@ -207,10 +208,12 @@ def count_frames(path: Path) -> int:
 
 
 def _refuse_impossible(image: Image.Image, size: int) -> None:
-    """Refuse an image of no pixel, or of more than a file of this size can hold.
+    """Refuse an image of no pixel, or of more than a file of this size can hold, and programs.
 
     Pillow takes a PNG of which most is lacking for one that is black there.
     """
+    if image.format in PROGRAMS:
+        raise ValueError(f"it is a program that draws one ({image.format})")
     pixels = image.width * image.height
     if not pixels or (pixels > SMALL and pixels > PACKED * size):
         raise ValueError(
