@@ -126,6 +126,15 @@ def test_counts_that_lie_take_no_memory(tmp_path, name):
         read_mesh(tmp_path / name)
 
 
+def test_a_scene_of_too_many_nodes_is_refused(tmp_path):
+    """Each of 200,000 may show the same mesh again."""
+    text = json.dumps({"nodes": [{"mesh": 0}] * 200_000}).encode()
+    head = struct.pack("<4s4I", b"glTF", 2, 20 + len(text), len(text), 0x4E4F534A)
+    (tmp_path / "a.glb").write_bytes(head + text)
+    with pytest.raises(InputError, match=r"it has 200,000 nodes; should have at most 2,000"):
+        read_mesh(tmp_path / "a.glb")
+
+
 def test_vertices_of_one_number_each_are_refused(tmp_path):
     (tmp_path / "a.obj").write_text("v 1\nv 2\nv 3\nf 1 2 3\n")
     with pytest.raises(InputError, match=r"a\.obj: (holds vertices of 1 coord|cannot be read)"):

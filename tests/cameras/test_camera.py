@@ -179,6 +179,12 @@ def test_a_wrong_file_is_named(tmp_path, text, message):
     assert str(path) in str(error.value)
 
 
+def test_more_cameras_than_anyone_has(tmp_path):
+    (tmp_path / "cameras.json").write_text(json.dumps([ROW] * 20_001))
+    with pytest.raises(InputError, match="holds 20,001 cameras; should be at most 20,000"):
+        read_cameras(tmp_path / "cameras.json")
+
+
 @pytest.mark.parametrize(
     ("lens", "message"),
     [
