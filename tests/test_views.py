@@ -1,4 +1,7 @@
+import io
 import json
+import struct
+import zlib
 
 import numpy as np
 import pillow_heif
@@ -437,3 +440,51 @@ def test_every_nth_view_is_held_out():
     assert held_out(3, 4) == []
     with pytest.raises(InputError, match="holdout 1"):
         held_out(9, 1)
+
+
+def _damaged(kind, seed):
+    packed = io.BytesIO()
+    Image.fromarray(RGB).resize((40, 30)).save(packed, kind)
+    data, rng = bytearray(packed.getvalue()), np.random.default_rng(seed)
+    for place in rng.integers(4, min(len(data), 200), 3):
+        data[place] = rng.integers(256)
+    return bytes(data)
+
+
+@pytest.mark.parametrize("kind", ["TIFF", "WEBP", "PNG", "BMP", "JPEG", "GIF"])
+def test_a_damaged_image_is_read_or_refused(tmp_path, kind):
+    """Pillow raises TypeError, RuntimeError and others over some of these."""
+    path = tmp_path / "a.png"
+    refused = []
+    for seed in range(60):
+        path.write_bytes(_damaged(kind, seed))
+        count_frames(path)
+        try:
+            assert read_image(path).mode in ("RGB", "RGBA")
+        except InputError as error:
+            refused.append(str(error))
+    assert all(message.startswith(f"{path}: cannot be read as an image: ") for message in refused)
+
+
+@pytest.mark.parametrize("size", [(12_000, 12_000), (2_000_000, 50), (0, 5)])
+def test_an_image_of_more_than_its_file_can_hold_is_refused(tmp_path, size):
+    """Pillow takes a PNG that lacks its rows for one that is black there."""
+    chunks = [
+        (b"IHDR", struct.pack(">2I5B", *size, 8, 2, 0, 0, 0)),
+        (b"IDAT", zlib.compress(bytes(1000))),
+        (b"IEND", b""),
+    ]
+    packed = [
+        struct.pack(">I", len(c)) + k + c + struct.pack(">I", zlib.crc32(k + c)) for k, c in chunks
+    ]
+    (tmp_path / "a.png").write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(packed))
+    with pytest.raises(InputError, match=r"a\.png: cannot be read as an image: "):
+        read_image(tmp_path / "a.png")
+
+
+def test_a_program_that_draws_is_not_run(tmp_path):
+    """Pillow would hand it to Ghostscript, whatever the file's name ends in."""
+    Image.fromarray(RGB).save(tmp_path / "a.eps")
+    (tmp_path / "a.eps").rename(tmp_path / "a.png")
+    with pytest.raises(InputError, match=r"a\.png: .* it is a program that draws one \(EPS\)"):
+        read_image(tmp_path / "a.png")

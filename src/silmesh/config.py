@@ -25,6 +25,7 @@ from pydantic import (
 from silmesh.errors import InputError, cut, shorten
 
 NAME = r"[A-Za-z0-9_][A-Za-z0-9_-]{0,79}"  # of objects and variants; paths join two of them
+LONGEST_PATH, LONGEST_NAME = 4000, 255  # bytes, on any usual system
 MOST = 20  # errors that are listed
 STAGES = "stages"  # the folder beside an object's variants that holds what they share
 
@@ -87,8 +88,8 @@ class _Section(BaseModel):
     @field_validator("*", mode="before")
     @classmethod
     def _refuse_truth(cls, value: Any, info: ValidationInfo) -> Any:
-        if isinstance(value, str) and "\0" in value:
-            raise ValueError("a character that no name of a file has")
+        if isinstance(value, str) and ("\0" in value or _has_long_name(value)):
+            raise ValueError("no file can have this name")
         if isinstance(value, bool) and not cls._takes_truth(info.field_name):
             raise ValueError("this key does not take true or false, which would pass for 1 or 0")
         return value
@@ -98,6 +99,12 @@ class _Section(BaseModel):
         annotation = cls.model_fields[name].annotation
         members = (annotation, *get_args(annotation))
         return any(bool in (member, *get_args(member)) for member in members)
+
+
+def _has_long_name(path: str) -> bool:
+    """Whether no system can look for this path."""
+    names = path.encode(errors="surrogatepass").split(b"/")
+    return len(path) > LONGEST_PATH or max(map(len, names)) > LONGEST_NAME
 
 
 class Views(_Section):

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import get_args
 
 from silmesh.cameras.locate import locate
-from silmesh.config import NAME, SilhouetteSource
-from silmesh.errors import InputError, blaming
+from silmesh.config import LONGEST_NAME, LONGEST_PATH, NAME, SilhouetteSource
+from silmesh.errors import InputError, blaming, shorten
 from silmesh.naming import match_masks, order_photographs, pair_masks, split_masks, tell_spare
 from silmesh.synthetic import layout
 from silmesh.views import count_array_views, list_images, list_masks
@@ -192,6 +192,12 @@ def usable(path: Path) -> Path:
     """
     if set("{}") & set(str(path)):
         raise InputError(f"{path}: a path with '{{' or '}}' cannot be used: Snakemake's wildcards")
+    longest = max((len(os.fsencode(part)) for part in path.parts), default=0)
+    if longest > LONGEST_NAME or len(str(path)) > LONGEST_PATH:
+        raise InputError(
+            f"{shorten(str(path))}: is a path of {len(str(path))} characters with a name of "
+            f"{longest}; should be at most {LONGEST_PATH} and {LONGEST_NAME}"
+        )
     if bad := re.search(UNPRINTABLE, str(path)):
         raise InputError(f"{str(path)!r}: a path with {bad[0]!r} cannot be used; rename it")
     return path
@@ -262,7 +268,7 @@ def resolve_cameras(table: Path, cell: str) -> str:
     if kind != "file" or not name:
         raise InputError(
             "cameras: should be 'turntable', 'calibrate', 'colmap', 'auto' or 'file:<path>', "
-            f"not {cell!r}"
+            f"not {shorten(cell)}"
         )
     with blaming("cameras"):
         path = _beside(table, name.strip())

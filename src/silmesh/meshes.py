@@ -1,5 +1,7 @@
 """Meshes on disk: reading one for the renderer, and writing the three formats people want."""
 
+import json
+import struct
 from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
@@ -13,6 +15,7 @@ from silmesh.errors import InputError, reading
 from silmesh.files import replacing
 
 FORMATS = ("ply", "obj", "glb", "stl", "off")  # that are read, by their endings
+NODES = 2000  # of a scene
 FARTHEST = 1e12  # of a coordinate, whose cube is a number of single precision
 
 
@@ -31,17 +34,32 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
             f"{path}: cannot be read as a mesh: should end in {', '.join(f'.{f}' for f in FORMATS)}"
         )
     with reading(path, "a mesh"):
-        content = BytesIO(path.read_bytes())  # whose place is unknown, and with it all beside it
-        mesh = trimesh.load_mesh(content, file_type=kind, process=False, skip_materials=True)
+        content = path.read_bytes()
+        if kind == "glb":
+            _refuse_many_nodes(content)
+        # Of bytes the place is unknown, and with it all that lies beside.
+        mesh = trimesh.load_mesh(
+            BytesIO(content), file_type=kind, process=False, skip_materials=True
+        )
     if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
         raise InputError(f"{path}: holds no triangle")
     _refuse_wrong(path, mesh)
     return mesh
 
 
+def _refuse_many_nodes(content: bytes) -> None:
+    """Refuse a GLB that repeats its meshes thousands of times, which takes minutes to unfold."""
+    (length,) = struct.unpack_from("<I", content, 12)  # of the JSON, after two headers
+    nodes = json.loads(content[20 : 20 + length]).get("nodes") or ()
+    if len(nodes) > NODES:
+        raise ValueError(f"it has {len(nodes):,} nodes; should have at most {NODES:,}")
+
+
 def _refuse_wrong(path: Path, mesh: trimesh.Trimesh) -> None:
     """Refuse numbers that no mesh has."""
     verts, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    if verts.shape[1:] != (3,) or faces.shape[1:] != (3,):
+        raise InputError(f"{path}: holds vertices of {verts.shape[1]} coordinates; should have 3")
     if not np.isfinite(verts).all():
         raise InputError(f"{path}: holds a vertex that is not finite")
     if (far := np.abs(verts).max()) > FARTHEST:

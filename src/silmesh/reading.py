@@ -14,7 +14,7 @@ import numpy as np
 
 from silmesh.errors import InputError, reading, shorten
 
-LARGEST_TEXT = 1 << 28  # bytes, of text and JSON; the largest cameras.sfm are a tenth of that
+LARGEST_TEXT, LARGEST_JSON = 1 << 30, 1 << 26  # bytes; a COLMAP model has the points in its text
 LARGEST_HEADER = 10_000  # characters of a .npy file's header
 
 
@@ -41,7 +41,7 @@ def read_json(path: Path) -> Any:
         InputError: it is not JSON, has a key twice in one object, is nested too deeply, or has a
             number of thousands of digits
     """
-    text = read_text(path, "JSON")
+    text = read_text(path, "JSON", LARGEST_JSON)
     with reading(path, "JSON"):
         return json.loads(text, object_pairs_hook=_to_object)
 

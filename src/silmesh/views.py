@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageOps, UnidentifiedImageError
 
-from silmesh.errors import InputError, reading
+from silmesh.errors import InputError, explain, reading
 from silmesh.files import making
 from silmesh.naming import SUFFIXES, name_views, order_photographs, split_masks
 from silmesh.progress import Share, untold
@@ -29,6 +29,7 @@ ANIMATED = (
     "AVIF",
 )  # formats, as Pillow calls them, that may have more frames
 MANIFEST = "views.json"
+PROGRAMS = ("EPS", "WMF")  # formats, as Pillow calls them, that it has another program run
 SMALL, PACKED = 10_000_000, 8 * 1032  # pixels; pixels a byte, of one bit each and all alike
 GROUND = 124  # grey of the working image of a photograph that cannot be read
 
@@ -164,10 +165,8 @@ def is_image(path: Path) -> bool:
 def _blaming_path(pattern: Path) -> Iterator[None]:
     try:
         yield
-    except OSError as error:
-        raise InputError(f"{pattern}: cannot be read: {error.strerror}") from error
-    except (ValueError, NotImplementedError, RecursionError) as error:
-        raise InputError(f"{pattern}: is neither there nor a glob: {error}") from error
+    except (OSError, ValueError, NotImplementedError, RecursionError) as error:  # as of x**
+        raise InputError(f"{pattern}: cannot be read: {explain(error)}") from error
 
 
 def _match_files(pattern: Path) -> tuple[list[Path], str]:
@@ -250,10 +249,12 @@ def count_frames(path: Path) -> int:
 
 
 def _refuse_impossible(image: Image.Image, size: int) -> None:
-    """Refuse an image of no pixel, or of more than a file of this size can hold.
+    """Refuse an image of no pixel, or of more than a file of this size can hold, and programs.
 
     Pillow takes a PNG of which most is lacking for one that is black there.
     """
+    if image.format in PROGRAMS:
+        raise ValueError(f"it is a program that draws one ({image.format})")
     pixels = image.width * image.height
     if not pixels or (pixels > SMALL and pixels > PACKED * size):
         raise ValueError(

@@ -322,10 +322,8 @@ def _images() -> Iterator[Reader]:
     if features.check("avif"):
         kinds.append(("avif", "RGB", {"exif": exif}))
     for ending, mode, options in kinds:
-        name = (
-            f"image {ending} {mode} {options.get('compression', '') or ' '.join(options)}".strip()
-        )
-        yield Reader(name, _image(ending, mode, **options), _read_image)
+        name = f"image {ending} {mode} {options.get('compression', ' '.join(options))}"
+        yield Reader(name.strip(), _image(ending, mode, **options), _read_image)
 
 
 def _array() -> Reader:
@@ -369,6 +367,44 @@ def _checkpoint() -> Reader:
         assert found is None or isinstance(found, dict)
 
     return Reader("checkpoint", _made(make), read)
+
+
+def _varint(value: int) -> bytes:
+    low, high = value & 0x7F, value >> 7
+    return bytes([low | 0x80]) + _varint(high) if high else bytes([low])
+
+
+def _field(number: int, value: bytes | str | int) -> bytes:
+    """A field of a protocol buffer."""
+    if isinstance(value, int):
+        return _varint(number << 3) + _varint(value)
+    value = value.encode() if isinstance(value, str) else value
+    return _varint(number << 3 | 2) + _varint(len(value)) + value
+
+
+def foreground_model(size: int = 8) -> bytes:
+    """An ONNX model that takes an image [1, 3, size, size] and gives its brightest colour."""
+
+    def described(name: str, shape: list[int]) -> bytes:
+        sides = b"".join(_field(1, _field(1, side)) for side in shape)
+        return _field(1, name) + _field(2, _field(1, _field(1, 1) + _field(2, sides)))  # of float
+
+    axes = _field(1, "axes") + _field(8, 1) + _field(20, 7)  # whole numbers
+    node = _field(1, "x") + _field(2, "y") + _field(4, "ReduceMax") + _field(5, axes)
+    graph = _field(1, node) + _field(2, "g") + _field(11, described("x", [1, 3, size, size]))
+    graph += _field(12, described("y", [1, 1, size, size]))
+    return _field(1, 7) + _field(7, graph) + _field(8, _field(1, "") + _field(2, 11))
+
+
+def _foreground() -> Reader:
+    from silmesh.silhouettes.matting import _ask, open_model
+
+    def read(folder: Path) -> None:
+        session = open_model(folder / "m.onnx", 1)
+        size = session.get_inputs()[0].shape[2:]
+        _ask(session, str(folder / "m.onnx"), np.zeros((1, 3, *size), np.float32))
+
+    return Reader("onnx foreground", {"m.onnx": foreground_model()}, read, share=0.3)
 
 
 def _onnx(name: str) -> Reader | None:
@@ -486,5 +522,6 @@ def readers() -> tuple[Reader, ...]:
         _table(),
         _published(),
         _video(),
+        _foreground(),
         *filter(None, optional),
     )

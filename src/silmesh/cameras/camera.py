@@ -34,6 +34,7 @@ from silmesh.errors import InputError, blaming, cut, explain, shorten
 from silmesh.files import replacing
 from silmesh.reading import read_json
 
+MOST = 20_000  # cameras in a file
 WIDEST = 1_000_000  # pixels of a photograph
 LARGEST = 1e15  # of a number in a file, whose cube is still one
 ROUNDING = 1e-4  # that is let pass in a rotation matrix: four decimals
@@ -224,12 +225,19 @@ def read_cameras(path: Path | str) -> Cameras:
         raise InputError(
             f"{path}: should be a list of {{view, width, height, K, R, t}}, one for each photograph"
         )
+    refuse_many(path, len(rows))
     cameras = [_parse_row(row, f"{path}: camera {i}") for i, row in enumerate(rows)]
     views = [view for view, *_ in cameras]
     if twice := sorted(view for view, count in Counter(views).items() if count > 1):
         raise InputError(f"{path}: view {shorten(twice[0])} comes twice; each view has one camera")
     *numbers, lenses = list(zip(*cameras, strict=True))[1:]
     return Cameras(tuple(views), *map(torch.stack, numbers), lenses)
+
+
+def refuse_many(path: Path | str, count: int) -> None:
+    """Refuse a file of more cameras than anyone takes photographs, before each is looked at."""
+    if count > MOST:
+        raise InputError(f"{path}: holds {count:,} cameras; should be at most {MOST:,}")
 
 
 def _parse_row(row: object, where: str) -> tuple[str, Tensor, Tensor, Tensor, Tensor, Lens | None]:

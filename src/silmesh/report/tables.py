@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from silmesh.errors import InputError, reading, shorten
+from silmesh.errors import InputError, cut, reading
 
 Run = tuple[str, str]  # object and variant
 PUBLISHED = ("object", "variant", "iteration", "loss")
@@ -45,7 +45,7 @@ def _to_numbers(column: pd.Series, where: str) -> pd.Series:
     """A column of which every cell is a finite number."""
     given = pd.to_numeric(column, errors="coerce")
     if len(wrong := column[~np.isfinite(given)]):
-        raise InputError(f"{where}: should be numbers, not {shorten(wrong.iloc[0])}")
+        raise InputError(f"{where}: should be numbers, not {cut(str(wrong.iloc[0]), 80)!r}")
     return given
 
 

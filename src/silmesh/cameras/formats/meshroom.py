@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from silmesh.cameras.camera import Cameras
+from silmesh.cameras.camera import Cameras, refuse_many
 from silmesh.cameras.formats.parts import (
     Camera,
     gather,
@@ -67,6 +67,7 @@ def read(path: Path) -> Cameras:
             f"{path}: none of its {len(content['views'])} views has a pose; should be the "
             "cameras.sfm that Meshroom's StructureFromMotion leaves"
         )
+    refuse_many(path, len(views))
     return gather([_parse(view, lenses, poses, version, path) for view in views])
 
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from silmesh.cameras.camera import Cameras
+from silmesh.cameras.camera import Cameras, refuse_many
 from silmesh.cameras.formats.parts import (
     UNSAID,
     Camera,
@@ -51,6 +51,7 @@ def read(path: Path, views: Sequence[View]) -> Cameras:
     frames = content.get("frames") if isinstance(content, dict) else None
     if not isinstance(frames, list) or not frames or not all(isinstance(f, dict) for f in frames):
         raise InputError(f"{path}: should hold a list 'frames' of {{file_path, transform_matrix}}")
+    refuse_many(path, len(frames))
     shared = {key: value for key, value in content.items() if key != "frames"}
     return gather([_parse(shared | f, f"{path}: frame {i}", views) for i, f in enumerate(frames)])
 
