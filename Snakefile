@@ -15,6 +15,7 @@ from silmesh.provenance import code_digest as digest_code
 from silmesh.provenance import file_digest
 from silmesh.synthetic.layout import photograph_names
 from silmesh.warm import start
+from silmesh.yamls import read_configuration
 
 min_version("9.10")
 
@@ -27,6 +28,14 @@ RESULTS = (
     "loss.csv",
     "metrics.json",
 )
+
+
+# Read strictly first: Snakemake would take the last of two equal keys in silence.
+try:
+    for file in workflow.configfiles or ["config/config.yaml"]:
+        read_configuration(file)
+except InputError as error:
+    sys.exit(f"silmesh: {error}")
 
 
 # A run's own configuration replaces the default one: their experiments do not mix.
@@ -67,6 +76,7 @@ onstart:
         )
     write_report_plan()
     start()
+    tell_unused()
 
 
 # What a step said is the last to be read, not the long command of it.

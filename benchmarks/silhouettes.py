@@ -19,10 +19,11 @@ from PIL import Image
 from scipy.linalg import rq
 
 from silmesh.cameras.camera import Cameras, write_cameras
+from silmesh.naming import match_masks
 from silmesh.silhouettes import encode, read_silhouettes, write_silhouettes
 from silmesh.silhouettes.matting import Settings, find_alphas
 from silmesh.steps import cameras, judge, scene
-from silmesh.views import View, find_images, match_masks, write_views
+from silmesh.views import View, find_images, write_views
 
 SIZE = 256
 FOLDERS = {
@@ -93,7 +94,7 @@ def measure(dataset: str, method: str, data: Path, work: Path) -> dict:
     images, masks = (find_images(data / folder) for folder in FOLDERS[dataset])
     views = write_views(images, SIZE, "pad", work / "views")
     names = [view.view for view in views]
-    write_silhouettes("mask", views, work / "views", match_masks(images, masks), work / "given")
+    write_silhouettes("mask", views, work / "views", match_masks(images, masks)[0], work / "given")
     truth = read_silhouettes(work / "given", names)
     start = time.perf_counter()
     folder = find(views, method, work)

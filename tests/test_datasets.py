@@ -95,6 +95,54 @@ def test_images_by_folder_and_glob(table, folder, cell):
     assert [path.stem for path in read_one(table, images=cell).images] == STEMS
 
 
+@pytest.mark.parametrize("name", ["cup [new]", "cup*", "what?", "a[0-9]", "[!a]"])
+def test_a_path_that_exists_is_no_glob(table, name):
+    draw(table.parent / name, [f"{stem} [edited]*" for stem in STEMS])
+    draw(table.parent / f"{name} masks", [f"{stem} [edited]*" for stem in STEMS])
+    (table.parent / f"{name}.npy").touch()
+    row = read_one(table, images=name, masks=f"{name} masks", cameras=f"file:{name}.npy")
+    assert [path.parent.name for path in row.images] == [name] * 3
+    assert [path.stem for path in row.masks] == [f"{stem} [edited]*" for stem in STEMS]
+    assert row.cameras == f"file:{table.parent}/{name}.npy"
+
+
+@pytest.mark.parametrize("cell", ["ring*/x*.png", "ring[12]/*", "**/x*.png"])
+@pytest.mark.parametrize("masks", ["masks", "masks/*/*.png", "m*/**/*_mask.png"])
+def test_equal_names_in_several_folders_are_different_photographs(table, cell, masks):
+    for ring in ("ring2", "ring1"):
+        draw(table.parent / ring, ["x10", "x9"])
+        draw(table.parent / "masks" / ring, ["x10_mask", "x9_mask"])
+    for file in (table.parent / "masks").glob("*.png"):
+        file.unlink()
+    row = read_one(table, images=cell, masks=masks)
+    places = [f"{path.parent.name}/{path.stem}" for path in row.images]
+    assert places == ["ring1/x9", "ring1/x10", "ring2/x9", "ring2/x10"]
+    assert [f"{p.parent.name}/{p.stem}" for p in row.masks] == [f"{p}_mask" for p in places]
+
+
+@pytest.mark.parametrize("manner", ["{}.jpg.png", "{}_mask.png", "{}.mask.png", "{}-MASK.png"])
+@pytest.mark.parametrize("place", ["photos", "white"])
+def test_masks_by_every_naming_and_beside_the_photographs(table, manner, place):
+    draw(table.parent / place, [Path(manner.format(stem)).stem for stem in STEMS])
+    row = read_one(table, masks=place)
+    assert [path.stem for path in row.images] == STEMS
+    assert [path.name for path in row.masks] == [manner.format(stem) for stem in STEMS]
+    assert read_one(table, masks="").masks == (row.masks if place == "photos" else ())
+    assert row.notes == ()
+
+
+def test_what_is_not_used_is_told_of(table):
+    draw(table.parent / "masks", ["jug_0"])
+    (note,) = read_one(table).notes
+    assert note.startswith(f"{table}, line 2 (cup): not used: {table.parent}/masks/jug_0.png: no ")
+    draw(table.parent / "photos", ["cup_r0_mask"])
+    row = read_one(table, masks="", silhouettes="alpha")
+    assert row.masks == ()
+    assert row.notes[0].endswith(
+        f"photos/cup_r0_mask.png: {table.parent}/photos/cup_r5.png has no mask"
+    )
+
+
 def test_an_absolute_path_and_a_home(table, monkeypatch):
     assert len(read_one(table, images=str(table.parent / "photos")).images) == 3
     monkeypatch.setenv("HOME", str(table.parent))
@@ -127,8 +175,16 @@ def test_a_camera_file_and_a_truth(table):
         ),
         lambda text: text.replace("2.732,0,5\t\t", "2.732, 0, 5"),
         lambda text: text.replace("cup\t", " cup \t"),
+        lambda text: text.replace("\n", "\t\t\n"),
+        lambda text: text.replace("variants\n", "variants\t \t\n"),
+        lambda text: text.replace("5\t\t\n", "5\t\t\t\t\t \n"),
+        lambda text: text.replace("images", "\timages").replace("photos", "\tphotos"),
+        lambda text: text.replace("photos", '"photos"').replace("\n", "\t\r\n"),
     ],
-    ids=["BOM", "CRLF", "blank lines", "another column", "a short row", "spaces"],
+    ids=[
+        *("BOM", "CRLF", "blank lines", "another column", "a short row", "spaces"),
+        *("columns without names", "a header's tabs", "a row's tabs", "an empty column", "quotes"),
+    ],
 )
 def test_what_spreadsheets_write(table, change):
     expected = read_one(table)
@@ -162,7 +218,12 @@ def test_a_missing_column(table, column):
         (HEADER.replace("truth", "masks") + line(), "column 'masks' comes twice"),
         (HEADER + line() + line(), "line 3: object 'cup' is also on line 2"),
         (HEADER + "\n" + line() + "\n" + line(), "line 5: object 'cup' is also on line 3"),
-        (HEADER + line(variants="\t\t"), "line 2: has 10 cells under 8 columns"),
+        (HEADER + line(variants="\t\tb"), "line 2: has 10 cells under 8 columns"),
+        (HEADER + line(variants="\t\tb"), "The first too many is 'b'"),
+        (
+            HEADER.replace("truth", "") + line(truth="a.ply"),
+            "line 2: column 7 has no name, but the cell 'a.ply'",
+        ),
         ((HEADER + line()).encode("utf-16"), "is not in UTF-8; should be saved as that"),
         (HEADER + line(images='"photos') + line(object="b"), "line 2: a cell opens with '\"' that"),
     ],
@@ -202,13 +263,20 @@ def test_a_wrong_name(table, name):
         ({"masks": "photos"}, "photos/cup_r0.png: is a photograph and its own mask"),
         ({"cameras": "file:photos"}, "photos: holds no cameras; known are a COLMAP model"),
         ({"turntable": "600,10,5"}, "a distance of 600 is too far; its unit is the object's size"),
-        ({"images": "**/cup_r0.png"}, "cup_r0.png: has the same name, 'cup_r0', as "),
+        ({"images": "same"}, "same/a.png: has the same name, 'a', as "),
+        ({"images": "**/cup_r0.png"}, "one/cup_r0.png: has no mask of the same name in "),
+        ({"images": "x**"}, "x**: cannot be read: "),
+        ({"images": "a" * 300}, "with a name of 300; should be at most"),
+        ({"images": "a" * 300 + "*"}, "with a name of 301; should be at most"),
+        ({"masks": "a" * 300}, "with a name of 300; should be at most"),
+        ({"truth": "a" * 300}, "with a name of 300; should be at most"),
+        ({"cameras": "file:" + "a" * 300}, "with a name of 300; should be at most"),
         ({"images": "a {cup}"}, "a {cup}: a path with '{' or '}' cannot be used"),
         ({"images": "braces"}, "braces/{0}.png: a path with '{' or '}' cannot be used"),
         ({"masks": "no"}, "no: is not there"),
         ({"masks": "one"}, "photos/cup_r5.png: has no mask of the same name in "),
         ({"masks": "one"}, "one (2 photographs without a mask)"),
-        ({"images": "two"}, "masks/cup_r10.png: has no photograph of the same name in "),
+        ({"masks": "twice"}, "cup_r0.png: has 2 masks, "),
         (
             {"silhouettes": ""},
             "silhouettes: should be one of mask, alpha, threshold, deeplab, matting, not ''",
@@ -242,6 +310,9 @@ def test_a_wrong_cell(table, cells, message):
     draw(table.parent / "one", STEMS[:1])
     draw(table.parent / "two", STEMS[:2])
     draw(table.parent / "braces", ["{0}", "{1}"])
+    draw(table.parent / "twice", [*STEMS, "cup_r0_mask"])
+    draw(table.parent / "same", ["a", "b"])
+    (table.parent / "same/a.jpg").touch()
     draw(table.parent / "newline", ["a", "\nb"])
     found = refusal(table, HEADER + line(**cells))
     assert found.startswith(", line 2 (cup): ")
@@ -319,3 +390,21 @@ def test_an_array_takes_no_masks(table):
     np.save(table.parent / "source.npy", np.zeros((3, 4, 8, 8), np.uint8))
     message = refusal(table, HEADER + line(images="source.npy"))
     assert "an array of images has its masks in its alpha channel" in message
+
+
+@pytest.mark.parametrize("column", ["images", "masks", "cameras", "truth"])
+@pytest.mark.parametrize("path", ["a" * 256, "ä" * 200, "a/" * 3000])
+def test_a_path_that_no_file_can_have(table, column, path):
+    cell = f"file:{path}.npy" if column == "cameras" else f"{path}.ply"
+    message = refusal(table, HEADER + line(**{column: cell}))
+    assert "is a path of" in message
+    assert len(message) < 1000
+
+
+@pytest.mark.parametrize("pattern", ["x**", "photos/**.png", "**x/*.png"])
+def test_a_glob_that_is_none(table, pattern):
+    assert "cannot be read: Invalid pattern: '**'" in refusal(table, HEADER + line(images=pattern))
+
+
+def test_a_cell_of_too_many_letters(table):
+    assert "field larger than field limit" in refusal(table, HEADER + line(object="a" * 200_000))

@@ -4,7 +4,7 @@
     steps                                             what a rule calls
     views  silhouettes  cameras  scene  shapes ...    stages, which do not stand on each other
     cameras.camera  cameras.lens  straighten  softras  hull  remesh  the ground floor
-    errors  files                                     what anything may import
+    errors  files  naming  reading                    what anything may import
 
 The Snakefile's modules (configuration, table, plan, digests) stand beside: no stage imports them.
 """
@@ -15,7 +15,7 @@ import pytest
 
 from silmesh.provenance import SOURCE
 
-BASE = {"errors", "files", "progress"}
+BASE = {"errors", "files", "naming", "progress", "reading"}
 GROUND = {"cameras.camera", "cameras.lens", "softras", "hull", "remesh", "straighten", "series"}
 ON = {  # what a module of it stands on
     "cameras.camera": {"cameras.lens"},
@@ -29,6 +29,10 @@ STAGES = {
 }
 PLANNING = {
     *("config", "manual", "datasets", "feasible", "places", "plan", "provenance", "lock", "warm"),
+}
+PLANNING = {
+    *("config", "manual", "datasets", "feasible", "places", "plan", "provenance", "lock", "warm"),
+    "yamls",
 }
 # What a stage imports of another: the manifest of the working images, which says where each
 # photograph lies in its view; the turntable that the made-up photographs are taken on; and the

@@ -1,4 +1,5 @@
 import json
+import struct
 
 import numpy as np
 import pytest
@@ -80,3 +81,91 @@ def test_an_obj_has_its_colours_as_they_are(tmp_path):
     rows = [line.split() for line in (tmp_path / "m.obj").read_text().splitlines()]
     found = np.array([row[4:7] for row in rows if row and row[0] == "v"], float)
     np.testing.assert_allclose(found * 255, colours, atol=0.01)
+
+
+PLY = """ply
+format ascii 1.0
+element vertex 3
+property double x
+property double y
+property double z
+element face 1
+property list uchar int vertex_indices
+end_header
+0 0 0
+{far} 0 0
+0 1 0
+3 0 1 {last}
+"""
+
+
+@pytest.mark.parametrize(
+    ("far", "last", "message"),
+    [
+        ("1", "3", "holds a face of vertex 3; should be 0 to 2"),
+        ("1", "-1", "holds a face of vertex -1; should be 0 to 2"),
+        ("1e300", "2", r"holds a vertex at 1e\+300; coordinates should be at most 1e\+12"),
+        ("nan", "2", "holds a vertex that is not finite"),
+    ],
+)
+def test_numbers_that_no_mesh_has_are_refused(tmp_path, far, last, message):
+    (tmp_path / "a.ply").write_text(PLY.format(far="1", last="2"))
+    assert len(read_mesh(tmp_path / "a.ply").faces) == 1
+    (tmp_path / "a.ply").write_text(PLY.format(far=far, last=last))
+    with pytest.raises(InputError, match=rf"a\.ply: {message}"):
+        read_mesh(tmp_path / "a.ply")
+
+
+@pytest.mark.parametrize("name", ["a.ply", "a.off"])
+def test_counts_that_lie_take_no_memory(tmp_path, name):
+    binary = PLY.partition("end_header")[0].replace("ascii", "binary_little_endian")
+    counts = {"a.ply": binary.replace("vertex 3", "vertex 2000000000") + "end_header\n", "a.off": (
+        "OFF\n1000000000 1000000000 0\n0 0 0\n")}  # fmt: skip
+    (tmp_path / name).write_text(counts[name])
+    with pytest.raises(InputError, match=f"{name}: cannot be read as a mesh"):
+        read_mesh(tmp_path / name)
+
+
+def test_a_scene_of_too_many_nodes_is_refused(tmp_path):
+    """Each of 200,000 may show the same mesh again."""
+    text = json.dumps({"nodes": [{"mesh": 0}] * 200_000}).encode()
+    head = struct.pack("<4s4I", b"glTF", 2, 20 + len(text), len(text), 0x4E4F534A)
+    (tmp_path / "a.glb").write_bytes(head + text)
+    with pytest.raises(InputError, match=r"it has 200,000 nodes; should have at most 2,000"):
+        read_mesh(tmp_path / "a.glb")
+
+
+def test_vertices_of_one_number_each_are_refused(tmp_path):
+    (tmp_path / "a.obj").write_text("v 1\nv 2\nv 3\nf 1 2 3\n")
+    with pytest.raises(InputError, match=r"a\.obj: (holds vertices of 1 coord|cannot be read)"):
+        read_mesh(tmp_path / "a.obj")
+
+
+@pytest.mark.parametrize("name", ["a.3mf", "a.dae", "a.gltf", "a.zip", "a"])
+def test_other_formats_are_not_tried(tmp_path, name):
+    (tmp_path / name).touch()
+    with pytest.raises(InputError, match=r"as a mesh: should end in \.ply, \.obj, \.glb, \.stl"):
+        read_mesh(tmp_path / name)
+
+
+def test_no_other_file_is_read(tmp_path):
+    """A GLB that names another file as its buffer, an OBJ that names its materials."""
+    (tmp_path / "secret.bin").write_bytes(np.eye(3, dtype=np.float32).tobytes())
+    content = {
+        "asset": {"version": "2.0"},
+        "buffers": [{"uri": "secret.bin", "byteLength": 36}],
+        "bufferViews": [{"buffer": 0, "byteOffset": 0, "byteLength": 36}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "nodes": [{"mesh": 0}],
+        "scenes": [{"nodes": [0]}],
+        "scene": 0,
+    }
+    text = json.dumps(content).encode()
+    text += b" " * (-len(text) % 4)
+    head = struct.pack("<4s4I", b"glTF", 2, 20 + len(text), len(text), 0x4E4F534A)
+    (tmp_path / "a.glb").write_bytes(head + text)
+    with pytest.raises(InputError, match=r"a\.glb: cannot be read as a mesh"):
+        read_mesh(tmp_path / "a.glb")
+    (tmp_path / "a.obj").write_text("mtllib secret.bin\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    assert read_mesh(tmp_path / "a.obj").faces.tolist() == [[0, 1, 2]]

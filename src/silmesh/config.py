@@ -22,9 +22,11 @@ from pydantic import (
     model_validator,
 )
 
-from silmesh.errors import InputError
+from silmesh.errors import InputError, cut, shorten
 
 NAME = r"[A-Za-z0-9_][A-Za-z0-9_-]{0,79}"  # of objects and variants; paths join two of them
+LONGEST_PATH, LONGEST_NAME = 4000, 255  # bytes, on any usual system
+MOST = 20  # errors that are listed
 STAGES = "stages"  # the folder beside an object's variants that holds what they share
 
 
@@ -86,6 +88,8 @@ class _Section(BaseModel):
     @field_validator("*", mode="before")
     @classmethod
     def _refuse_truth(cls, value: Any, info: ValidationInfo) -> Any:
+        if isinstance(value, str) and ("\0" in value or _has_long_name(value)):
+            raise ValueError("no file can have this name")
         if isinstance(value, bool) and not cls._takes_truth(info.field_name):
             raise ValueError("this key does not take true or false, which would pass for 1 or 0")
         return value
@@ -95,6 +99,12 @@ class _Section(BaseModel):
         annotation = cls.model_fields[name].annotation
         members = (annotation, *get_args(annotation))
         return any(bool in (member, *get_args(member)) for member in members)
+
+
+def _has_long_name(path: str) -> bool:
+    """Whether no system can look for this path."""
+    names = path.encode(errors="surrogatepass").split(b"/")
+    return len(path) > LONGEST_PATH or max(map(len, names)) > LONGEST_NAME
 
 
 class Views(_Section):
@@ -417,7 +427,7 @@ def parse_config(values: Mapping[str, Any], where: str) -> Config:
     except ValidationError as error:
         errors = [dict(e) for e in error.errors()]
         errors = [e for e in errors if e["type"] == "extra_forbidden"] or errors
-        lines = [f"{where}: {_explain(e, values)}" for e in errors]
+        lines = [f"{where}: {_explain(e, values)}" for e in errors[:MOST]]
         raise InputError("\n".join(dict.fromkeys(lines))) from error
     if STAGES in config.variants:
         raise InputError(f"{where}: variants.{STAGES}: this name is taken by the shared stages")
@@ -431,12 +441,14 @@ def _explain(error: Mapping[str, Any], values: Mapping[str, Any]) -> str:
     if error["type"] == "extra_forbidden":
         unknown = error["loc"][-1]
         path = ".".join(map(str, [*keys, unknown]))
-        return f"{path}: unknown key; {_nearest(str(unknown), list(schema.model_fields))}"
+        return f"{cut(path, 200)}: unknown key; {_nearest(str(unknown), list(schema.model_fields))}"
     if error["type"] == "missing" and keys == list(error["loc"]):
         return f"{path}: is missing; should be {in_words(schema)}"
     if error["loc"][-1] == "[key]":
         return f"{path}: this name should be {in_words(Name)}"
-    return f"{path}: should be {in_words(schema)}, not {'empty' if value is None else repr(value)}"
+    return (
+        f"{path}: should be {in_words(schema)}, not {'empty' if value is None else shorten(value)}"
+    )
 
 
 def _follow(path: Sequence[str | int], values: Any) -> tuple[list[str | int], Any, Any]:
@@ -500,6 +512,6 @@ def _either(words: Sequence[str]) -> str:
 
 
 def _nearest(word: str, known: list[str]) -> str:
-    near = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
+    near = difflib.get_close_matches(word[:80], known, n=1, cutoff=0.5)
     guess = f"did you mean {near[0]!r}? " if near else ""
     return f"{guess}known are {', '.join(known)}"

@@ -4,16 +4,17 @@ import csv
 import difflib
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import get_args
 
 from silmesh.cameras.locate import locate
-from silmesh.config import NAME, SilhouetteSource
-from silmesh.errors import InputError, blaming
+from silmesh.config import LONGEST_NAME, LONGEST_PATH, NAME, SilhouetteSource
+from silmesh.errors import InputError, blaming, shorten
+from silmesh.naming import match_masks, order_photographs, pair_masks, split_masks, tell_spare
 from silmesh.synthetic import layout
-from silmesh.views import count_array_views, find_images, match_masks
+from silmesh.views import count_array_views, list_images, list_masks
 
 REQUIRED = ("object", "images", "silhouettes", "cameras")
 OPTIONAL = ("masks", "turntable", "truth", "variants")
@@ -57,6 +58,7 @@ class Dataset:
         turntable: what the row says of its geometry
         truth: the true mesh, if given
         variants: the experiments that it runs; empty for all
+        notes: what was found and is not used, a line each
     """
 
     where: str
@@ -68,6 +70,7 @@ class Dataset:
     turntable: Turntable
     truth: Path | None
     variants: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
 def read_datasets(table: Path) -> list[Dataset]:
@@ -102,22 +105,35 @@ def _read_rows(table: Path) -> list[tuple[int, dict[str, str]]]:
         raise InputError(f"{table}: cannot be read as a tab-separated table: {why}") from error
     header = [name.strip() for name in lines[0]] if lines else []
     _check_header(table, header)
+    width = max((i for i, name in enumerate(header, start=1) if name), default=0)
     rows = []
     for number, cells in enumerate(lines[1:], start=2):
         if not any(cell.strip() for cell in cells):
             continue
         if any("\n" in cell or "\r" in cell for cell in cells):
             raise InputError(f"{table}, line {number}: a cell opens with '\"' that does not close")
-        if len(cells) > len(header):
-            raise InputError(
-                f"{table}, line {number}: has {len(cells)} cells under {len(header)} columns; "
-                "cells are separated by one tab each"
-            )
-        row = dict.fromkeys(COLUMNS, "")
-        rows.append((number, row | {k: c.strip() for k, c in zip(header, cells, strict=False)}))
+        named = {k: c.strip() for k, c in zip(header, cells, strict=False) if k}
+        _refuse_unnamed(f"{table}, line {number}", cells, header, width)
+        rows.append((number, dict.fromkeys(COLUMNS, "") | named))
     if not rows:
         raise InputError(f"{table}: has no row; each object to fit has one")
     return rows
+
+
+def _refuse_unnamed(where: str, cells: Sequence[str], header: Sequence[str], width: int) -> None:
+    """Refuse cells under no column's name; empty ones, as spreadsheets write, are none."""
+    for i, cell in enumerate(cells):
+        if not cell.strip() or (i < len(header) and header[i]):
+            continue
+        if i >= width:
+            raise InputError(
+                f"{where}: has {len(cells)} cells under {width} columns; cells are separated by "
+                f"one tab each. The first too many is {cell.strip()!r}"
+            )
+        raise InputError(
+            f"{where}: column {i + 1} has no name, but the cell {cell.strip()!r}; name the column "
+            "or empty the cell"
+        )
 
 
 def _check_header(table: Path, header: list[str]) -> None:
@@ -128,7 +144,7 @@ def _check_header(table: Path, header: list[str]) -> None:
                 f"(separated by tabs), of which {', '.join(REQUIRED)} are needed. "
                 f"Found: {', '.join(header) or 'none'}"
             )
-    for name in header:
+    for name in filter(None, header):
         near = difflib.get_close_matches(name, COLUMNS, n=1, cutoff=0.75)
         if name not in COLUMNS and near:
             raise InputError(f"{table}: unknown column {name!r}; did you mean {near[0]!r}?")
@@ -146,8 +162,8 @@ def _parse_row(table: Path, line: int, row: Mapping[str, str]) -> Dataset:
         )
     where += f" ({name})"
     with blaming(where):
-        images = _find_images(table, row["images"])
-        masks = _find_masks(table, row["masks"], images)
+        images, beside = _find_images(table, row["images"])
+        masks, notes = _find_masks(table, row["masks"], images, beside)
         cameras = resolve_cameras(table, row["cameras"])
         return Dataset(
             where=where,
@@ -159,31 +175,45 @@ def _parse_row(table: Path, line: int, row: Mapping[str, str]) -> Dataset:
             turntable=_parse_turntable(row["turntable"]),
             truth=_find_truth(table, row["truth"]) if row["truth"] else None,
             variants=tuple(dict.fromkeys(re.findall(r"[^,\s]+", row["variants"]))),
+            notes=tuple(f"{where}: {note}" for note in notes),
         )
 
 
 def _beside(table: Path, path: str) -> Path:
     """A path of the table, which is relative to the table itself."""
-    return _usable(Path(os.path.normpath(table.parent / os.path.expanduser(path))))
+    return usable(Path(os.path.normpath(table.parent / os.path.expanduser(path))))
 
 
-def _usable(path: Path) -> Path:
-    """The path, if rules and figures can be made of it."""
+def usable(path: Path) -> Path:
+    """The path, if rules and figures can be made of it.
+
+    Raises:
+        InputError: it has something that Snakemake or a text file cannot hold
+    """
     if set("{}") & set(str(path)):
         raise InputError(f"{path}: a path with '{{' or '}}' cannot be used: Snakemake's wildcards")
+    longest = max((len(os.fsencode(part)) for part in path.parts), default=0)
+    if longest > LONGEST_NAME or len(str(path)) > LONGEST_PATH:
+        raise InputError(
+            f"{shorten(str(path))}: is a path of {len(str(path))} characters with a name of "
+            f"{longest}; should be at most {LONGEST_PATH} and {LONGEST_NAME}"
+        )
     if bad := re.search(UNPRINTABLE, str(path)):
         raise InputError(f"{str(path)!r}: a path with {bad[0]!r} cannot be used; rename it")
     return path
 
 
-def _find_images(table: Path, cell: str) -> tuple[Path, ...]:
+def _find_images(table: Path, cell: str) -> tuple[tuple[Path, ...], list[Path]]:
+    """The photographs, and the masks that lie beside them."""
     if not cell:
         raise InputError("images: is empty; should be a folder, a glob or a SoftRas .npy")
     path = _beside(table, cell)
     if made := layout.promised_files(path):
-        return made
+        return made, []
+    masks: list[Path] = []
     if path.suffix != ".npy":
-        images = tuple(map(_usable, find_images(path)))
+        photographs, masks = split_masks(list_images(path))
+        images = tuple(map(usable, order_photographs(photographs)))
         count = len(images)
     else:
         images, count = (path,), count_array_views(path)
@@ -193,17 +223,31 @@ def _find_images(table: Path, cell: str) -> tuple[Path, ...]:
             f"{path}: {what} {count} photograph; a fit needs at least {FEWEST_VIEWS}, "
             "from a folder, a glob or a SoftRas .npy"
         )
-    return images
+    return images, masks
 
 
-def _find_masks(table: Path, cell: str, images: tuple[Path, ...]) -> tuple[Path, ...]:
+def _find_masks(
+    table: Path, cell: str, images: tuple[Path, ...], beside: list[Path]
+) -> tuple[tuple[Path, ...], list[str]]:
+    """The mask of each photograph, or none, and what is not used."""
     if not cell:
-        return ()
+        return _take_beside(images, beside)
     path = _beside(table, cell)
     if images[0].suffix == ".npy":
         raise InputError(f"masks: {path}: an array of images has its masks in its alpha channel")
-    masks = layout.promised_files(path) or find_images(path)
-    return tuple(match_masks(images, masks))
+    masks, spare = match_masks(images, layout.promised_files(path) or list_masks(path, images))
+    return tuple(map(usable, masks)), tell_spare(spare)
+
+
+def _take_beside(
+    images: tuple[Path, ...], beside: list[Path]
+) -> tuple[tuple[Path, ...], list[str]]:
+    """Masks that lie among the photographs, if each of these has one."""
+    found, spare = pair_masks(images, beside) if beside else ([], [])
+    if beside and all(found):
+        return tuple(usable(masks[0]) for masks in found), tell_spare(spare)
+    bare = [image for image, masks in zip(images, found, strict=False) if not masks]
+    return (), [f"not used: {m}: {b} has no mask" for m, b in zip(beside[:1], bare, strict=False)]
 
 
 def _parse_silhouettes(cell: str) -> str:
@@ -224,10 +268,14 @@ def resolve_cameras(table: Path, cell: str) -> str:
     if kind != "file" or not name:
         raise InputError(
             "cameras: should be 'turntable', 'calibrate', 'colmap', 'auto' or 'file:<path>', "
-            f"not {cell!r}"
+            f"not {shorten(cell)}"
         )
     with blaming("cameras"):
-        return f"file:{locate(_beside(table, name.strip())).path}"
+        path = _beside(table, name.strip())
+        try:
+            return f"file:{locate(path).path}"
+        except OSError as error:
+            raise InputError(f"{path}: cannot be read: {error.strerror}") from error
 
 
 def _parse_turntable(cell: str) -> Turntable:
@@ -261,6 +309,9 @@ def _parse_turntable(cell: str) -> Turntable:
 
 def _find_truth(table: Path, cell: str) -> Path:
     path = _beside(table, cell)
-    if not layout.is_promised(path) and not path.is_file():
-        raise InputError(f"truth: {path}: is not there")
+    try:
+        if not layout.is_promised(path) and not path.is_file():
+            raise InputError(f"truth: {path}: is not there")
+    except OSError as error:
+        raise InputError(f"truth: {path}: cannot be read: {error.strerror}") from error
     return path

@@ -1,6 +1,9 @@
 """Meshes on disk: reading one for the renderer, and writing the three formats people want."""
 
+import json
+import struct
 from collections.abc import Sequence
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -8,25 +11,64 @@ import torch
 import trimesh
 from torch import Tensor
 
-from silmesh.errors import InputError
+from silmesh.errors import InputError, reading
 from silmesh.files import replacing
+
+FORMATS = ("ply", "obj", "glb", "stl", "off")  # that are read, by their endings
+NODES = 2000  # of a scene
+FARTHEST = 1e12  # of a coordinate, whose cube is a number of single precision
 
 
 def read_mesh(path: Path) -> trimesh.Trimesh:
     """Read a mesh as it is, its vertices neither merged nor reordered.
 
+    Only the file itself is read, not the materials and pictures that it names.
+
     Raises:
-        InputError: it cannot be read, has no face, or a vertex that is not finite
+        InputError: it is of no known format, cannot be read, has no face, a face without its
+            vertices, or a vertex that is not finite or too far to compute with
     """
-    try:
-        mesh = trimesh.load_mesh(path, process=False)
-    except Exception as error:  # each of trimesh's readers raises errors of its own
-        raise InputError(f"{path}: cannot be read as a mesh: {error}") from error
+    kind = path.suffix.lower().removeprefix(".")
+    if kind not in FORMATS:
+        raise InputError(
+            f"{path}: cannot be read as a mesh: should end in {', '.join(f'.{f}' for f in FORMATS)}"
+        )
+    with reading(path, "a mesh"):
+        content = path.read_bytes()
+        if kind == "glb":
+            _refuse_many_nodes(content)
+        # Of bytes the place is unknown, and with it all that lies beside.
+        mesh = trimesh.load_mesh(
+            BytesIO(content), file_type=kind, process=False, skip_materials=True
+        )
     if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
         raise InputError(f"{path}: holds no triangle")
-    if not np.isfinite(mesh.vertices).all():
-        raise InputError(f"{path}: holds a vertex that is not finite")
+    _refuse_wrong(path, mesh)
     return mesh
+
+
+def _refuse_many_nodes(content: bytes) -> None:
+    """Refuse a GLB that repeats its meshes thousands of times, which takes minutes to unfold."""
+    (length,) = struct.unpack_from("<I", content, 12)  # of the JSON, after two headers
+    nodes = json.loads(content[20 : 20 + length]).get("nodes") or ()
+    if len(nodes) > NODES:
+        raise ValueError(f"it has {len(nodes):,} nodes; should have at most {NODES:,}")
+
+
+def _refuse_wrong(path: Path, mesh: trimesh.Trimesh) -> None:
+    """Refuse numbers that no mesh has."""
+    verts, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
+    if verts.shape[1:] != (3,) or faces.shape[1:] != (3,):
+        raise InputError(f"{path}: holds vertices of {verts.shape[1]} coordinates; should have 3")
+    if not np.isfinite(verts).all():
+        raise InputError(f"{path}: holds a vertex that is not finite")
+    if (far := np.abs(verts).max()) > FARTHEST:
+        raise InputError(
+            f"{path}: holds a vertex at {far:g}; coordinates should be at most {FARTHEST:g}"
+        )
+    if faces.min() < 0 or faces.max() >= len(verts):
+        wrong = faces.min() if faces.min() < 0 else faces.max()
+        raise InputError(f"{path}: holds a face of vertex {wrong}; should be 0 to {len(verts) - 1}")
 
 
 def refuse_flat(path: Path, mesh: trimesh.Trimesh) -> None:

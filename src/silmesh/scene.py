@@ -137,11 +137,11 @@ def write_scene(
             (part / name).mkdir()
             for view in cameras.views:
                 write[name](view, source / f"{view}.png", part / name / f"{view}.png")
-        (part / "scene.json").write_text(json.dumps(scene, indent=1) + "\n")
+        (part / "scene.json").write_text(json.dumps(scene, indent=1) + "\n", encoding="utf-8")
 
 
 def read_scene(folder: Path) -> tuple[Cameras, Similarity, dict]:
     """The normalised cameras, the transform into their world, and all of ``scene.json``."""
-    scene = json.loads((folder / "scene.json").read_text())
+    scene = json.loads((folder / "scene.json").read_text(encoding="utf-8"))
     centre = torch.tensor(scene["centre"], dtype=torch.float64)
     return read_cameras(folder / "cameras.json"), Similarity(centre, scene["scale"]), scene

@@ -6,20 +6,31 @@ black; ``stretch`` fills the square, as the report does.
 
 import json
 import re
+from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, ImageOps
+from PIL import Image, ImageOps, UnidentifiedImageError
 
-from silmesh.errors import InputError
+from silmesh.errors import InputError, explain, reading
 from silmesh.files import making
+from silmesh.naming import SUFFIXES, name_views, order_photographs, split_masks
 from silmesh.progress import Share, untold
+from silmesh.reading import open_array
 
-SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
-ANIMATED = ("PNG", "WEBP", "TIFF")  # formats, as Pillow calls them, that may have more frames
+ANIMATED = (
+    "PNG",
+    "WEBP",
+    "TIFF",
+    "AVIF",
+)  # formats, as Pillow calls them, that may have more frames
 MANIFEST = "views.json"
+PROGRAMS = ("EPS", "WMF")  # formats, as Pillow calls them, that it has another program run
+SMALL, PACKED = 10_000_000, 8 * 1032  # pixels; pixels a byte, of one bit each and all alike
 GROUND = 124  # grey of the working image of a photograph that cannot be read
 
 
@@ -31,7 +42,7 @@ class View:
     (left + u (right - left) / width, top + v (bottom - top) / height) in the working image.
 
     Attributes:
-        view: its name, the stem of the photograph's file (four digits for an image of an array)
+        view: its name, as ``naming.name_views`` gives it (four digits for an image of an array)
         source: the photograph's file
         width, height: of the photograph, in pixels
         size: of the working image, in pixels
@@ -66,6 +77,23 @@ class View:
         return square
 
 
+def describe_shapes(sizes: Sequence[tuple[int, int]]) -> str:
+    """What to say of photographs of which some are the others turned by 90 degrees; "" if none is.
+
+    Args:
+        sizes: width and height of each, upright
+    """
+    counts = Counter(sizes)
+    for (width, height), lying in counts.most_common():
+        if width != height and (turned := counts.get((height, width))):
+            return (
+                f"{lying} photographs are {width}x{height} and {turned} are {height}x{width}: was "
+                "their EXIF orientation lost? If so, turn them all alike; the cameras would be "
+                "wrong otherwise"
+            )
+    return ""
+
+
 def place_view(view: str, source: str, width: int, height: int, size: int, resize: str) -> View:
     """Where a photograph of this width and height goes in a square of ``size``.
 
@@ -80,79 +108,79 @@ def place_view(view: str, source: str, width: int, height: int, size: int, resiz
     return View(view, source, width, height, size, left, top, left + w, top + h)
 
 
-def natural_key(path: Path | str) -> list[tuple[int, int, str]]:
-    """Sort key that puts ``r5`` before ``r10``."""
-    parts = re.split(r"(\d+)", Path(path).name)
-    return [(0, int(p), "") if p.isdecimal() else (1, 0, p) for p in parts if p]
-
-
 def find_images(pattern: Path) -> list[Path]:
-    """The image files of a folder, or those that a glob matches, in natural order.
+    """The photographs of a folder, or those that a glob matches, in natural order.
+
+    Masks that lie beside them are left out.
 
     Raises:
-        InputError: the folder is not there, nothing matches, or two files have the same stem
+        InputError: as ``list_images``, or two photographs of one folder have the same stem
     """
-    try:
+    return order_photographs(split_masks(list_images(pattern))[0])
+
+
+def list_images(pattern: Path) -> list[Path]:
+    """The image files of a folder, or those that a glob matches, in the order of letters.
+
+    A path that exists is no glob. Hidden files, such as macOS puts beside others, are left out,
+    unless they are named.
+
+    Raises:
+        InputError: the folder is not there, or nothing matches
+    """
+    with _blaming_path(pattern):
         files, lacking = _match_files(pattern)
-    except OSError as error:
-        raise InputError(f"{pattern}: cannot be read: {error.strerror}") from error
     if not files:
         raise InputError(f"{pattern}: {lacking}")
-    files = sorted(sorted(files), key=natural_key)  # r5 and r05 in an order of their own
-    _refuse_equal_stems(files)
-    return files
+    return sorted(files)
+
+
+def list_masks(pattern: Path, images: Sequence[Path]) -> list[Path]:
+    """The mask files of a folder or of a glob, in the order of letters.
+
+    Of a folder also those in folders that are called as the photographs' own.
+
+    Raises:
+        InputError: as ``list_images``
+    """
+    with _blaming_path(pattern):
+        own = {image.parent for image in images}
+        within = {pattern / folder.name for folder in own} - own
+        files = [file for folder in within if folder.is_dir() for file in images_in(folder)]
+        there = images_in(pattern) if pattern.is_dir() else []
+    return sorted(files + there) if files else list_images(pattern)
+
+
+def images_in(folder: Path) -> list[Path]:
+    """The image files of a folder, in no order; hidden ones are left out."""
+    return [path for path in folder.iterdir() if is_image(path) and path.is_file()]
+
+
+def is_image(path: Path) -> bool:
+    """Whether a file's name is that of an image that is not hidden."""
+    return path.suffix.lower() in SUFFIXES and not path.name.startswith(".")
+
+
+@contextmanager
+def _blaming_path(pattern: Path) -> Iterator[None]:
+    try:
+        yield
+    except (OSError, ValueError, NotImplementedError, RecursionError) as error:  # as of x**
+        raise InputError(f"{pattern}: cannot be read: {explain(error)}") from error
 
 
 def _match_files(pattern: Path) -> tuple[list[Path], str]:
     """The files that a folder, a glob or a file's own path gives; what to say if there is none."""
     if pattern.is_dir():
-        files = [p for p in pattern.iterdir() if p.suffix.lower() in SUFFIXES and p.is_file()]
-        files = [p for p in files if not p.name.startswith(".")]
-        return files, f"has no image ({', '.join(SUFFIXES)})"
-    if re.search(r"[*?\[]", str(pattern)):
-        anchor = Path(pattern.anchor)
-        files = [p for p in anchor.glob(str(pattern.relative_to(anchor))) if p.is_file()]
-        return files, "matches no file"
-    return [pattern] if pattern.is_file() else [], "is not there"
-
-
-def _refuse_equal_stems(files: Sequence[Path]) -> None:
-    seen: dict[str, Path] = {}
-    for file in files:
-        if file.stem in seen:
-            raise InputError(
-                f"{file}: has the same name, {file.stem!r}, as {seen[file.stem]}; "
-                "each photograph's name, without its ending, names its view"
-            )
-        seen[file.stem] = file
-
-
-def match_masks(images: Sequence[Path], masks: Sequence[Path]) -> list[Path]:
-    """The mask of each image, by the stem of its name.
-
-    Raises:
-        InputError: images without a mask, masks without an image, or images as their own masks
-    """
-    if own := sorted(set(images) & set(masks)):
-        raise InputError(f"{own[0]}: is a photograph and its own mask; masks lie in another folder")
-    by_stem = {mask.stem: mask for mask in masks}
-    stems = {image.stem for image in images}
-    if bare := [image for image in images if image.stem not in by_stem]:
-        raise InputError(
-            f"{bare[0]}: has no mask of the same name in {masks[0].parent}"
-            + _and_others(len(bare), "photographs without a mask")
-            + f"; the first one there is {masks[0].name}"
-        )
-    if spare := [mask for mask in masks if mask.stem not in stems]:
-        raise InputError(
-            f"{spare[0]}: has no photograph of the same name in {images[0].parent}"
-            + _and_others(len(spare), "masks without a photograph")
-        )
-    return [by_stem[image.stem] for image in images]
-
-
-def _and_others(count: int, what: str) -> str:
-    return f" ({count} {what})" if count > 1 else ""
+        return images_in(pattern), f"has no image ({', '.join(SUFFIXES)})"
+    if pattern.is_file():
+        return [pattern], ""
+    if not re.search(r"[*?\[]", str(pattern)):
+        return [], "is not there"
+    anchor = Path(pattern.anchor)
+    found = sorted(p for p in anchor.glob(str(pattern.relative_to(anchor))) if p.is_file())
+    files = [p for p in found if is_image(p) or p.name == pattern.name]
+    return files, f"matches no image, but {found[0].name}" if found else "matches no file"
 
 
 def count_array_views(path: Path) -> int:
@@ -165,18 +193,29 @@ def count_array_views(path: Path) -> int:
 
 
 def _open_array(path: Path) -> np.ndarray:
-    try:
-        array = np.lib.format.open_memmap(path, mode="r")
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: is not there") from error
-    except (OSError, ValueError, EOFError) as error:
-        raise InputError(f"{path}: cannot be read as a .npy array: {error}") from error
+    array = open_array(path)
     if array.ndim != 4 or array.shape[1] != 4 or array.dtype != np.uint8 or 0 in array.shape:
         raise InputError(
             f"{path}: should hold [views, 4, height, width] of uint8 (RGB and alpha), "
             f"not {list(array.shape)} of {array.dtype}"
         )
     return array
+
+
+def open_image(path: Path | str) -> Image.Image:
+    """Open an image of any format that is read; HEIC has a library of its own."""
+    try:
+        return Image.open(path)
+    except UnidentifiedImageError:  # a telephone's HEIC may be called .jpg
+        _learn_heic()
+        return Image.open(path)
+
+
+@cache
+def _learn_heic() -> None:
+    import pillow_heif  # loads in longer than Pillow, for few
+
+    pillow_heif.register_heif_opener()
 
 
 def read_image(path: Path | str, least: tuple[int, int] | None = None) -> Image.Image:
@@ -189,14 +228,12 @@ def read_image(path: Path | str, least: tuple[int, int] | None = None) -> Image.
     Raises:
         InputError: it cannot be read, is truncated or is too large
     """
-    try:
-        with Image.open(path) as opened:
-            if least:
-                opened.draft(None, (max(least), max(least)))  # it may have to be turned
-            opened.load()
-            return _to_8_bit(ImageOps.exif_transpose(opened))
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
-        raise InputError(f"{path}: cannot be read as an image: {error}") from error
+    with reading(path, "an image"), open_image(path) as opened:
+        if least:
+            opened.draft(None, (max(least), max(least)))  # it may have to be turned
+        _refuse_impossible(opened, Path(path).stat().st_size)
+        opened.load()
+        return _to_8_bit(ImageOps.exif_transpose(opened))
 
 
 def count_frames(path: Path) -> int:
@@ -205,10 +242,24 @@ def count_frames(path: Path) -> int:
     A second picture of another kind, as telephones put behind a JPEG, is no frame.
     """
     try:
-        with Image.open(path) as opened:
+        with open_image(path) as opened:
             return getattr(opened, "n_frames", 1) if opened.format in ANIMATED else 1
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
+    except Exception:  # of whatever kind
         return 1  # what is wrong with it is said where it is read
+
+
+def _refuse_impossible(image: Image.Image, size: int) -> None:
+    """Refuse an image of no pixel, or of more than a file of this size can hold, and programs.
+
+    Pillow takes a PNG of which most is lacking for one that is black there.
+    """
+    if image.format in PROGRAMS:
+        raise ValueError(f"it is a program that draws one ({image.format})")
+    pixels = image.width * image.height
+    if not pixels or (pixels > SMALL and pixels > PACKED * size):
+        raise ValueError(
+            f"it says that it has {image.width}x{image.height} pixels, in {size:,} bytes"
+        )
 
 
 def _to_8_bit(image: Image.Image) -> Image.Image:
@@ -230,11 +281,11 @@ def read_photographs(paths: Sequence[Path]) -> Iterator[tuple[str, str, Image.Im
         for i, planes in enumerate(_open_array(paths[0])):
             yield f"{i:04d}", str(paths[0]), Image.fromarray(np.moveaxis(planes, 0, -1))
         return
-    for path in paths:
+    for name, path in zip(name_views(paths), paths, strict=True):
         try:
-            yield path.stem, str(path), read_image(path)
+            yield name, str(path), read_image(path)
         except InputError as error:
-            yield path.stem, str(path), error
+            yield name, str(path), error
 
 
 def read_photograph(view: View, least: tuple[int, int] | None = None) -> Image.Image:
@@ -283,10 +334,10 @@ def write_views(
             views.append(replace(views[0], view=name, source=source, unreadable=why))
             Image.new("RGB", (size, size), (GROUND,) * 3).save(part / f"{name}.png")
         if unreadable:
-            order = {path.stem: place for place, path in enumerate(paths)}
+            order = {name: place for place, name in enumerate(name_views(paths))}
             views.sort(key=lambda view: order[view.view])
         rows = [asdict(view) for view in views]
-        (part / MANIFEST).write_text(json.dumps(rows, indent=1) + "\n")
+        (part / MANIFEST).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     progress(1.0)
     return views
 
@@ -306,7 +357,7 @@ def _refuse_too_few(unreadable: Sequence[str], photographs: int, fewest: int | N
 
 def read_views(folder: Path) -> list[View]:
     """The views that ``write_views`` left in a folder, in their order."""
-    return [View(**row) for row in json.loads((folder / MANIFEST).read_text())]
+    return [View(**row) for row in json.loads((folder / MANIFEST).read_text(encoding="utf-8"))]
 
 
 def read_pictures(folder: Path, views: Sequence[str]) -> np.ndarray:

@@ -20,11 +20,12 @@ from silmesh.cameras.turntable import orbit_cameras
 from silmesh.errors import InputError
 from silmesh.evaluation import coherence
 from silmesh.hull import carve
+from silmesh.naming import match_masks
 from silmesh.scene import normalising
 from silmesh.silhouettes import read_silhouettes, write_silhouettes
 from silmesh.softras import soft_silhouettes
 from silmesh.synthetic.make import make_object
-from silmesh.views import find_images, match_masks, write_views
+from silmesh.views import find_images, write_views
 
 SIZE = 128
 
@@ -353,7 +354,7 @@ def test_views_of_different_things():
 def test_the_moisturiser(data, tmp_path):
     """The report's cameras reach 0.82."""
     images = find_images(data / "aloi_moisturiser" / "png2" / "moisturiser")
-    masks = match_masks(images, find_images(data / "aloi_moisturiser" / "mask2" / "moisturiser"))
+    masks, _ = match_masks(images, find_images(data / "aloi_moisturiser" / "mask2" / "moisturiser"))
     views = write_views(images, 256, "pad", tmp_path / "views")
     write_silhouettes("mask", views, tmp_path / "views", masks, tmp_path / "silhouettes")
     names = [view.view for view in views]

@@ -133,6 +133,12 @@ ROW = {
         ({"t": [0, 0, math.inf]}, r"t should be finite numbers, not \[0.0, 0.0, inf\]"),
         ({"t": ["x", 0, 0]}, "t should be numbers"),
         ({"width": 0}, "width and height should be"),
+        ({"width": 10**400}, "width and height should be numbers"),
+        ({"width": 10**9}, "width and height should be 1, 2, ..., 1000000"),
+        ({"t": [0, 0, 1e300]}, "t should be numbers up to"),
+        ({"t": {"x": 1}}, "t should be numbers"),
+        ({"R": [[[]]]}, "R should be finite numbers of shape"),
+        ({"K": True}, "K should be finite numbers of shape"),
         ({"height": 2.5}, "width and height should be"),
     ],
 )
@@ -171,6 +177,12 @@ def test_a_wrong_file_is_named(tmp_path, text, message):
     with pytest.raises(InputError, match=message) as error:
         read_cameras(path)
     assert str(path) in str(error.value)
+
+
+def test_more_cameras_than_anyone_has(tmp_path):
+    (tmp_path / "cameras.json").write_text(json.dumps([ROW] * 20_001))
+    with pytest.raises(InputError, match="holds 20,001 cameras; should be at most 20,000"):
+        read_cameras(tmp_path / "cameras.json")
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 import numpy as np
+import PIL.ExifTags
 import PIL.Image  # before pycolmap
+import pillow_heif
 import pycolmap
 import pytest
 from scenes import blotches, save
@@ -61,6 +63,25 @@ def test_an_unreadable_photograph_is_left_out_and_keeps_its_number(photographs, 
         path.write_text("no image")
     with pytest.raises(InputError, match="there are 1 different photographs"):
         features(photographs, tmp_path, "few")
+
+
+def test_equal_names_and_telephones_formats(photographs, tmp_path):
+    """What COLMAP cannot read has its focal length as well: 28 mm on film of 43.3 mm diagonal."""
+    pillow_heif.register_heif_opener()
+    exif = PIL.Image.Exif()
+    exif.get_ifd(PIL.ExifTags.IFD.Exif)[41989] = 28
+    paths = []
+    for photograph, name in zip(photographs, ("r1/a.heic", "r2/a.avif", "r1/b.jpg"), strict=False):
+        paths.append(tmp_path / name)
+        paths[-1].parent.mkdir(exist_ok=True)
+        with PIL.Image.open(photograph) as image:
+            image.convert("RGB").save(paths[-1], exif=exif.tobytes())
+    report, database = features(paths, tmp_path)
+    assert [row[0] for row in read(database).values()] == ["r1_a", "r2_a", "r1_b"]
+    expected = 28 / np.hypot(36, 24) * np.hypot(320, 240)
+    assert report.figures["focal_from_exif"] == pytest.approx(
+        {"r1_a": expected, "r2_a": expected, "r1_b": expected}, rel=1e-3
+    )
 
 
 def test_the_same_photographs_give_the_same_bytes_with_any_number_of_threads(photographs, tmp_path):

@@ -50,6 +50,42 @@ def test_a_table_and_a_configuration_that_can_be_run(folder, monkeypatch):
     }
 
 
+@pytest.mark.parametrize("manner", ["{}.png.png", "{}_MASK.png", "{}.mask.png"])
+@pytest.mark.parametrize("place", ["jug", "jug/masks", "masks"])
+def test_masks_by_any_naming_and_what_is_not_used(folder, manner, place):
+    for mask in (folder / "masks").iterdir():
+        (folder / place).mkdir(exist_ok=True)
+        mask.rename(folder / place / manner.format(mask.stem))
+    (folder / "my cup/cup_0.CR2").touch()
+    (folder / "my cup/transforms.json").touch()
+    said = list(write_project(folder, force=False))
+    assert "jug: silhouettes mask, cameras calibrate" in said
+    assert "my_cup: not used: cup_0.CR2: each beside a photograph of its name" in said
+    assert any(line.startswith("my_cup: found, not used: ") for line in said)
+    jug, cup = read_datasets(folder / "datasets.tsv")
+    assert [path.name for path in jug.images] == [f"jug_{i}.png" for i in range(3)]
+    assert [path.name for path in jug.masks] == [manner.format(f"jug_{i}") for i in range(3)]
+    assert cup.masks == ()
+
+
+def test_the_next_command_can_be_run(folder):
+    spaced = folder / "it's [here]"
+    spaced.mkdir()
+    (folder / "jug").rename(spaced / "jug")
+    *_, command = write_project(spaced, force=False)
+    there = command.partition(" && ")[0]
+    done = subprocess.run(["bash", "-c", f"{there} && ls datasets.tsv"], capture_output=True)
+    assert done.stdout == b"datasets.tsv\n"
+
+
+@pytest.mark.parametrize("name", ["a {cup}", os.fsdecode(b"K\xf6nig")])
+def test_folders_that_a_table_cannot_name_are_refused_before_anything_is_written(folder, name):
+    (folder / "my cup").rename(folder / name)
+    with pytest.raises(InputError, match="cannot be used"):
+        list(write_project(folder, force=False))
+    assert not (folder / "datasets.tsv").exists()
+
+
 def test_nothing_is_overwritten_unless_told(folder):
     (folder / "config.yaml").write_text("mine")
     with pytest.raises(InputError, match=r"config.yaml: is there already; --force overwrites it"):

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import get_args
 
 import numpy as np
+import pillow_heif
 import pytest
 import surroundings
 import trimesh
@@ -21,6 +22,7 @@ from surroundings import look_around, surround
 
 from silmesh.cli.main import main
 from silmesh.config import FITS, Policy, SilhouetteSource
+from silmesh.naming import natural_key
 from silmesh.provenance import SOURCE
 
 COMMAND = [sys.executable, "-c", "from silmesh.cli.main import main; main(prog_name='silmesh')"]
@@ -75,6 +77,25 @@ def test_what_is_wrong_is_one_line_and_status_2(tmp_path):
     assert status == 2
     assert said.startswith(f"silmesh: {tmp_path}: has no photograph")
     assert said.count("\n") == 1
+
+
+@pytest.mark.parametrize("source", ["threshold", "alpha", "matting"])
+def test_masks_beside_silhouettes_of_another_kind_are_refused(tmp_path, source):
+    photos = photograph(tmp_path / "photos")
+    output = ["-o", tmp_path / "mesh.glb", "--keep", tmp_path / "work"]
+    status, said = call(photos, *output, "--masks", photos, "--silhouettes", source)
+    assert status == 2
+    assert f"--masks {photos}: --silhouettes {source} takes no masks" in said
+
+
+@pytest.mark.parametrize("name", ["{cameras}.json", os.fsdecode(b"K\xf6nig.json")])
+def test_cameras_whose_path_no_rule_can_take_are_refused(tmp_path, name):
+    photos = photograph(tmp_path / "photos")
+    (tmp_path / name).write_text("[]", encoding="utf-8")
+    output = ["-o", tmp_path / "mesh.glb", "--keep", tmp_path / "work"]
+    status, said = call(photos, *output, "--cameras", f"file:{tmp_path / name}")
+    assert status == 2
+    assert "cannot be used" in said
 
 
 def photograph(folder: Path) -> Path:
@@ -186,6 +207,31 @@ def test_cameras_of_a_file_are_judged_by_the_silhouettes_under_the_persons_own_p
     assert told.splitlines()[-1].startswith("silmesh: left: the cameras are of a left-handed world")
     cut = trimesh.load_mesh(tmp_path / "left.ply")
     assert cut.volume == pytest.approx(4 / 3 * np.pi * 0.45 * 0.3 * 0.2, rel=0.1)  # not inside out
+
+
+@pytest.mark.slow
+def test_telephones_photographs_of_any_names_in_a_plain_locale(tmp_path, monkeypatch):
+    """HEIC of equal names in two folders, whose names no rule could take, and masks beside them."""
+    pillow_heif.register_heif_opener()
+    shots = sorted(photograph(tmp_path / "shots").iterdir(), key=natural_key)
+    folders = [tmp_path / os.fsdecode(name) for name in (b"{1} K\xf6nig", b"{2} K\xf6nig")]
+    for place, shot in enumerate(shots):
+        folder = folders[place >= VIEWS // 2]
+        folder.mkdir(exist_ok=True)
+        with Image.open(shot) as image:
+            image.save(folder / f"[{place % (VIEWS // 2)}] \u00fc.HEIC", quality=90)
+            white = image.getchannel("R").point(lambda grey: 255 * (grey > 100))
+            white.save(folder / f"[{place % (VIEWS // 2)}] \u00fc_MASK.png")
+    for key, value in {"LC_ALL": "C", "PYTHONIOENCODING": "ascii"}.items():
+        monkeypatch.setenv(key, value)
+    named = [path for folder in folders for path in folder.iterdir()]
+    known = "--cameras", "turntable", "--turntable", "2.732,10,30"
+    status, said, told = run(tmp_path, *named, *known, "-o", "mesh.ply")
+    assert status == 0, told
+    assert told.startswith("silmesh: 12 photographs\n")
+    assert "silhouettes: mask (each photograph has one)" in told
+    assert said.startswith("mesh.ply: good; ")
+    assert "(IoU) in 12 photographs, " in said
 
 
 @pytest.mark.slow

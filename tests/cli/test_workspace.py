@@ -5,9 +5,17 @@ import pytest
 from PIL import Image
 from surroundings import look_around
 
-from silmesh.cli.workspace import Workspace, find_snakefile, place_of, to_name, try_workspace
+from silmesh.cli.workspace import (
+    Workspace,
+    find_snakefile,
+    name_links,
+    place_of,
+    to_name,
+    try_workspace,
+)
 from silmesh.config import NAME
 from silmesh.errors import InputError
+from silmesh.naming import natural_key
 
 VALUES = {"variants": {"mesh": {}}}
 
@@ -39,6 +47,66 @@ def test_links_are_made_anew_only_when_the_photographs_change(work):
     assert (links.stat().st_mtime_ns, links.stat().st_ino) == before
     Workspace(work.folder, "cup", work.photographs[:1], ()).prepare()
     assert [path.name for path in links.iterdir()] == ["p1.png"]
+
+
+def link(tmp_path, *names: str, masks=()) -> dict[str, str]:
+    """The links that are made to files of these names, and what they lead to; the masks' too."""
+    files = [tmp_path / name for name in names]
+    work = Workspace(tmp_path / "cache", "cup", tuple(files), tuple(tmp_path / m for m in masks))
+    for file in (*files, *work.masks):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.touch()
+    work.prepare()
+    return {
+        str(path.relative_to(work.folder)): os.path.relpath(os.readlink(path), tmp_path)
+        for path in sorted(work.folder.rglob("*/*"), key=lambda path: natural_key(path.name))
+        if path.is_symlink()
+    }
+
+
+NOT_UTF8 = b"K\xf6nig".decode("utf-8", "surrogateescape")
+
+
+@pytest.mark.parametrize(
+    ("names", "links"),
+    [
+        (["a/x 1.JPG", "a/x [2].jpg"], ["x 1.JPG", "x [2].jpg"]),
+        (["ring1/x.jpg", "ring2/x.jpg"], ["ring1_x.jpg", "ring2_x.jpg"]),
+        (["{a}/{1}.jpg", "{a}/{2}.heic"], ["_1_.jpg", "_2_.heic"]),
+        ([f"{NOT_UTF8}/1.jpg", f"{NOT_UTF8}/{NOT_UTF8}.jpg"], ["1.jpg", "K_nig.jpg"]),
+        (["a\n1.jpg", "a\t1.jpg"], ["0000_a_1.jpg", "0001_a_1.jpg"]),
+        ([".1.jpg", ".2.jpg"], ["0000_.1.jpg", "0001_.2.jpg"]),
+        (["IMG_1", "IMG_2"], ["IMG_1.png", "IMG_2.png"]),
+        (
+            ["b" * 240 + "/x.jpg", "c" * 240 + "/x.jpg"],
+            ["b" * 198 + "_x.jpg", "c" * 198 + "_x.jpg"],
+        ),
+        (["z|.jpg", "z}.jpg"], ["0000_z|.jpg", "0001_z_.jpg"]),
+    ],
+)
+def test_links_have_names_that_rules_take_and_keep_the_order(tmp_path, names, links):
+    assert link(tmp_path, *names) == {
+        f"photographs/{made}": name for made, name in zip(links, names, strict=True)
+    }
+
+
+def test_a_mask_is_linked_by_the_name_of_its_view(tmp_path):
+    shots, masks = ["r1/x.jpg", "r2/x.jpg"], ["r1/x_mask.png", "r2/x.jpg.png"]
+    made = link(tmp_path, *shots, masks=masks)
+    assert made == {
+        "photographs/r1_x.jpg": shots[0],
+        "photographs/r2_x.jpg": shots[1],
+        "masks/r1_x.png": masks[0],
+        "masks/r2_x.png": masks[1],
+    }
+
+
+def test_messages_name_files_that_are_linked_by_other_names(tmp_path):
+    files = tuple(tmp_path / name for name in (r"r1\g<0>/x.jpg", f"{NOT_UTF8}/x.jpg"))
+    work = Workspace(tmp_path / "cache", "cup", files, ())
+    first, second = name_links(files)
+    said = f"photographs/{first}.jpg is as {work.folder}/photographs/{second}.jpg"
+    assert work.restore(said) == f"{files[0]} is as {files[1]}"
 
 
 def test_results_of_another_version_are_told_of_once(work):
@@ -192,6 +260,8 @@ def test_a_place_for_each_set_of_photographs(tmp_path, monkeypatch):
     monkeypatch.setenv("SILMESH_CACHE", str(tmp_path / "cache"))
     assert place_of([cup], tmp_path / "kept") == (tmp_path / "kept", name)
     assert place_of([cup / "a.png"])[1] == name
+    (tmp_path / NOT_UTF8).mkdir()
+    assert place_of([tmp_path / NOT_UTF8])[1] == "K_nig"
     assert len({place_of(p)[0] for p in ([cup], [jug], [cup / "a.png"], [cup / "b.png"])}) == 4
 
 

@@ -85,6 +85,37 @@ def test_a_file_that_is_no_checkpoint_is_as_none(content, tmp_path):
     assert Checkpoint(path, ["one"]).read() is None
 
 
+@pytest.mark.parametrize("lacking", ["state", "fit", "records", "u", "steps"])
+@pytest.mark.parametrize("preset", ["softras", "fast"])
+def test_a_checkpoint_that_lacks_a_part_is_begun_anew(preset, lacking, tmp_path):
+    whole = make(preset)
+    expected = outcome(whole, run(whole))
+
+    def kill(record):
+        if record.iteration == 3:
+            raise Killed
+
+    path = tmp_path / "checkpoint.pt"
+    with pytest.raises(Killed):
+        run(make(preset), kill, Checkpoint(path, ["one"], every=0))
+    held = torch.load(path, weights_only=True)
+    for part in (held, held["state"], held["state"]["fit"]):
+        part.pop(lacking, None)
+    torch.save(held, path)
+    again, seen = make(preset), []
+    assert outcome(again, run(again, seen.append, Checkpoint(path, ["one"]))) == expected
+    assert seen[0].iteration == 0 or (preset, lacking) == ("softras", "u")  # which it has not
+
+
+@pytest.mark.parametrize("held", [3, [1], {"digest": 1}, {"state": 1}, {}])
+def test_other_contents_are_no_checkpoint(tmp_path, held):
+    checkpoint = Checkpoint(tmp_path / "checkpoint.pt", ["one"])
+    for content in (held, {"digest": checkpoint._digest, "state": held}):
+        torch.save(content, tmp_path / "checkpoint.pt")
+        found = checkpoint.read()
+        assert found is None or found == held
+
+
 def test_it_is_written_only_now_and_then(tmp_path):
     path = tmp_path / "checkpoint.pt"
     checkpoint = Checkpoint(path, ["one"], every=3600)

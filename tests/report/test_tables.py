@@ -69,7 +69,15 @@ def test_published_curves_by_object_and_variant(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "message"), [("object,variant,loss\n", "lacks iteration"), ("", "cannot be read")]
+    ("text", "message"),
+    [
+        ("object,variant,loss\n", "lacks iteration"),
+        ("", "cannot be read"),
+        ("object,variant,iteration,loss\na,b,0,x\n", "column 'loss': should be numbers, not 'x'"),
+        ("object,variant,iteration,loss\na,b,inf,1\n", "column 'iteration': should be numbers"),
+        ("object,variant,iteration,loss\na,b,0,\n", "column 'loss': should be numbers, not 'nan'"),
+        ("object,variant,iteration,loss\n\xff\0,b,0,1\na,b,0,1,2,3\n", "cannot be read as a table"),
+    ],
 )
 def test_a_table_without_curves_is_refused(tmp_path, text, message):
     file = tmp_path / "published.csv"

@@ -4,14 +4,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fuzz.readers import foreground_model
 from PIL import Image
 from scenes import save
 
 from silmesh.errors import InputError
+from silmesh.naming import match_masks
 from silmesh.silhouettes import matting, read_silhouettes, write_silhouettes
 from silmesh.silhouettes.matting import Settings, find_all, open_model
 from silmesh.silhouettes.weights import find_weights
-from silmesh.views import find_images, match_masks, write_views
+from silmesh.views import find_images, write_views
 
 onnxruntime = pytest.importorskip("onnxruntime")
 OTHERS = Path(onnxruntime.__file__).parent / "datasets"  # small models that it brings along
@@ -31,8 +33,8 @@ def test_isnet_finds_the_real_objects(weights, data, tmp_path):
     tube, bunny = data / "aloi_moisturiser", data / "bunny"
     photographs = [tube / "png2/moisturiser/moisturiser_r40.png", bunny / "images/0020.jpg"]
     masks = [
-        *match_masks(photographs[:1], [tube / "mask2/moisturiser/moisturiser_r40.png"]),
-        *match_masks(photographs[1:], [bunny / "masks/0020.png"]),
+        *match_masks(photographs[:1], [tube / "mask2/moisturiser/moisturiser_r40.png"])[0],
+        *match_masks(photographs[1:], [bunny / "masks/0020.png"])[0],
     ]
     views = write_views(photographs, 256, "pad", tmp_path / "views")
     write_silhouettes("mask", views, tmp_path / "views", masks, tmp_path / "true")
@@ -94,3 +96,31 @@ def test_what_is_no_model_is_refused(tmp_path):
 def test_a_file_that_is_not_there_is_named():
     with pytest.raises(InputError, match=r"matting\.model: no/such\.onnx: is not there"):
         find_weights("no/such.onnx")
+
+
+def test_a_model_made_by_hand_is_asked(tmp_path):
+    """It gives the brightest colour, (rgb - 128) / 256."""
+    (tmp_path / "m.onnx").write_bytes(foreground_model(16))
+    pixels = np.zeros((40, 40, 3), np.uint8)
+    pixels[10:30, 10:30] = 255
+    save(tmp_path / "a" / "p.png", pixels)
+    views = write_views(find_images(tmp_path / "a"), 32, "pad", tmp_path / "views")
+    (found,) = matting.find_alphas(views, Settings(str(tmp_path / "m.onnx")))
+    assert found.size == (16, 16)
+    assert (found.getpixel((8, 8)), found.getpixel((1, 1))) == (127, 0)
+
+
+@pytest.mark.parametrize("size", [5000, 1 << 40])
+def test_a_model_of_huge_photographs_is_refused(tmp_path, size):
+    (tmp_path / "m.onnx").write_bytes(foreground_model(size))
+    with pytest.raises(InputError, match=r"m\.onnx: is a model of another kind"):
+        open_model(tmp_path / "m.onnx", 1)
+
+
+def test_what_a_model_gives_is_checked(tmp_path):
+    (tmp_path / "m.onnx").write_bytes(foreground_model(16))
+    session = open_model(tmp_path / "m.onnx", 1)
+    with pytest.raises(InputError, match=r"m\.onnx: cannot be read as a foreground model: Inval"):
+        matting._ask(session, "m.onnx", np.zeros((1, 3, 8, 8), np.float32))
+    with pytest.raises(InputError, match=r"m\.onnx: gives \[1, 1, 16, 16\] or what is not finite"):
+        matting._ask(session, "m.onnx", np.full((1, 3, 16, 16), np.nan, np.float32))

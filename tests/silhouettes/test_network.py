@@ -1,3 +1,5 @@
+import zipfile
+
 import pytest
 import torch
 from torch import nn
@@ -96,6 +98,10 @@ def test_weights_of_another_model_are_named(file, model):
         load_weights(str(file), model)
 
 
+OURS = {"model": SMALL, "classes": ("a", "b"), "mean": (0.5,) * 3, "std": (0.2,) * 3}
+OURS |= {"size": 192, "state": {}}
+
+
 @pytest.mark.parametrize(
     ("content", "message"),
     [
@@ -105,6 +111,16 @@ def test_weights_of_another_model_are_named(file, model):
         ({"a": torch.zeros(2)}, "holds no weights of DeepLabv3"),
         ([1, 2], "holds a list"),
         ({"classifier.4.weight": torch.zeros(2, 256, 1, 1)}, "nor any of mobilenet"),
+        ({"classifier.4.weight": torch.zeros(())}, "holds no weights of DeepLabv3"),
+        ({"classifier.4.weight": [1, 2]}, "holds something else than parameters"),
+        ({1: torch.zeros(2)}, "holds something else than parameters"),
+        ({"classifier.4.weight": torch.zeros(2, 2).to_sparse()}, "is no plain tensor of real"),
+        ({"classifier.4.weight": torch.zeros(2, 2) * 1j}, "is no plain tensor of real numbers"),
+        (OURS | {"state": [1]}, "holds something else than parameters"),
+        (OURS | {"classes": 3}, "its classes, mean, std or size is of another kind"),
+        (OURS | {"mean": (0.5, 0.5)}, "its classes, mean, std or size is of another kind"),
+        (OURS | {"std": (0.5, 0.5, 0.0)}, "its classes, mean, std or size is of another kind"),
+        (OURS | {"size": 10**9}, "its classes, mean, std or size is of another kind"),
     ],
 )
 def test_a_file_of_something_else_is_named(file, tmp_path, content, message):
@@ -143,3 +159,10 @@ def test_a_truncated_download_is_to_be_deleted(file, tmp_path, monkeypatch):
     cached.write_bytes(file.read_bytes()[:100_000])
     with pytest.raises(InputError, match=rf"{cached.name}: is truncated .* delete it"):
         load_weights("DEFAULT", SMALL)
+
+
+def test_weights_that_unpack_to_more_than_they_are(tmp_path):
+    with zipfile.ZipFile(tmp_path / "a.pt", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("a/data.pkl", bytes(1 << 22))
+    with pytest.raises(InputError, match=r"a\.pt: its [\d,]+ bytes unpack to 4,194,304"):
+        load_weights(str(tmp_path / "a.pt"), SMALL)

@@ -323,3 +323,10 @@ def write_report_plan():
     """Write what the page is told: a command line has no room for hundreds of runs."""
     with replacing(REPORT_PLAN) as part:
         part.write_text(json.dumps(report_plan(), indent=1) + "\n")
+
+
+def tell_unused():
+    """Say what the table's rows found and do not use."""
+    datasets = {run.dataset.object: run.dataset for run in plan.runs}
+    for note in [note for dataset in datasets.values() for note in dataset.notes]:
+        print(f"silmesh: {note}", file=sys.stderr)

@@ -70,12 +70,12 @@ def write_attempt(folder: Path, attempt: Attempt) -> None:
     with making(folder) as part:
         if attempt.cameras is not None:
             write_cameras(part / CAMERAS, attempt.cameras)
-        (part / REPORT).write_text(json.dumps(report, indent=1) + "\n")
+        (part / REPORT).write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
 
 
 def read_attempt(folder: Path) -> Attempt:
     """Read the attempt that a folder holds."""
-    report = json.loads((folder / REPORT).read_text())
+    report = json.loads((folder / REPORT).read_text(encoding="utf-8"))
     refused = report["refusal"] is not None
     report["warnings"] = tuple(report["warnings"])
     return Attempt(cameras=None if refused else read_cameras(folder / CAMERAS), **report)

@@ -20,17 +20,23 @@ conversion is in ``silmesh.cameras.turntable`` and nowhere else.
 
 import json
 import math
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from silmesh.cameras.lens import Lens, lens_of, refuse_strange
-from silmesh.errors import InputError, blaming
+from silmesh.errors import InputError, blaming, cut, explain, shorten
 from silmesh.files import replacing
+from silmesh.reading import read_json
 
+MOST = 20_000  # cameras in a file
+WIDEST = 1_000_000  # pixels of a photograph
+LARGEST = 1e15  # of a number in a file, whose cube is still one
 ROUNDING = 1e-4  # that is let pass in a rotation matrix: four decimals
 MIRROR = (1.0, 1.0, -1.0)  # from a left-handed world to its mirror image, which is right-handed
 OBJECT_RADIUS = 0.5  # of the sphere about the origin that holds the object in the normalised world
@@ -217,7 +223,9 @@ def write_cameras(path: Path | str, cameras: Cameras) -> None:
         for i, view in enumerate(cameras.views)
     ]
     with replacing(path) as part:
-        part.write_text("[\n" + ",\n".join(json.dumps(row) for row in rows) + "\n]\n")
+        part.write_text(
+            "[\n" + ",\n".join(json.dumps(row) for row in rows) + "\n]\n", encoding="utf-8"
+        )
 
 
 def read_cameras(path: Path | str, mirrors: bool = False) -> Cameras:
@@ -230,20 +238,24 @@ def read_cameras(path: Path | str, mirrors: bool = False) -> Cameras:
         InputError: the file is not such a list, a matrix has another shape or is not a rotation,
             a view comes twice
     """
-    try:
-        rows = json.loads(Path(path).read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as JSON: {error}") from error
+    rows = read_json(Path(path))
     if not isinstance(rows, list) or not rows:
         raise InputError(
             f"{path}: should be a list of {{view, width, height, K, R, t}}, one for each photograph"
         )
+    refuse_many(path, len(rows))
     cameras = [_parse_row(row, f"{path}: camera {i}", mirrors) for i, row in enumerate(rows)]
     views = [view for view, *_ in cameras]
-    if twice := sorted({view for view in views if views.count(view) > 1}):
-        raise InputError(f"{path}: view {twice[0]!r} comes twice; each view has one camera")
+    if twice := sorted(view for view, count in Counter(views).items() if count > 1):
+        raise InputError(f"{path}: view {shorten(twice[0])} comes twice; each view has one camera")
     *numbers, lenses = list(zip(*cameras, strict=True))[1:]
     return Cameras(tuple(views), *map(torch.stack, numbers), lenses)
+
+
+def refuse_many(path: Path | str, count: int) -> None:
+    """Refuse a file of more cameras than anyone takes photographs, before each is looked at."""
+    if count > MOST:
+        raise InputError(f"{path}: holds {count:,} cameras; should be at most {MOST:,}")
 
 
 def _parse_row(
@@ -255,15 +267,17 @@ def _parse_row(
     for key in ("view", "width", "height", "K", "R", "t"):
         if key not in row:
             raise InputError(f"{where}: {key!r} is missing")
-    where = f"{where} ({row['view']})"
+    where = f"{where} ({cut(str(row['view']), 80)})"
     with blaming(where):
         refuse_strange(row, ("lens",))
     K = _parse_array(row["K"], (3, 3), f"{where}: K")
     R = _parse_array(row["R"], (3, 3), f"{where}: R")
     t = _parse_array(row["t"], (3,), f"{where}: t")
     size = _parse_array([row["width"], row["height"]], (2,), f"{where}: width and height")
-    if size.min() < 1 or not torch.equal(size, size.round()):
-        raise InputError(f"{where}: width and height should be 1, 2, ..., not {size.tolist()}")
+    if size.min() < 1 or size.max() > WIDEST or not torch.equal(size, size.round()):
+        raise InputError(
+            f"{where}: width and height should be 1, 2, ..., {WIDEST}, not {size.tolist()}"
+        )
     off = float((R @ R.mT - torch.eye(3, dtype=R.dtype)).abs().max())
     if off > ROUNDING or (R.det() < 0 and not mirrors):
         raise InputError(
@@ -274,7 +288,7 @@ def _parse_row(
     if K[0, 0] <= 0 or K[1, 1] <= 0 or below != [0, 0, 0, 1]:
         raise InputError(
             f"{where}: K should be [[fx, s, cx], [0, fy, cy], [0, 0, 1]], fx, fy > 0, "
-            f"not {K.tolist()}"
+            f"not {shorten(K.tolist())}"
         )
     return str(row["view"]), size.long(), K, R, t, _parse_lens(row.get("lens"), where)
 
@@ -283,7 +297,7 @@ def _parse_lens(value: object, where: str) -> Lens | None:
     if value is None:
         return None
     if not isinstance(value, dict) or set(value) != {"model", "parameters"}:
-        raise InputError(f"{where}: lens should be {{model, parameters}}, not {value!r}")
+        raise InputError(f"{where}: lens should be {{model, parameters}}, not {shorten(value)}")
     count = len(value["parameters"]) if isinstance(value["parameters"], list) else 0
     given = _parse_array(value["parameters"], (count,), f"{where}: lens: parameters")
     with blaming(where):
@@ -292,13 +306,21 @@ def _parse_lens(value: object, where: str) -> Lens | None:
 
 def _parse_array(value: object, shape: tuple[int, ...], where: str) -> Tensor:
     try:
-        array = torch.tensor(value, dtype=torch.float64)
-    except (TypeError, ValueError, RuntimeError) as error:
-        raise InputError(f"{where} should be numbers of shape {list(shape)}: {error}") from error
+        if value is None:
+            raise TypeError("not null")
+        array = torch.from_numpy(np.array(value, dtype=object).astype(np.float64))
+    except (TypeError, ValueError, OverflowError, RecursionError) as error:
+        raise InputError(
+            f"{where} should be numbers of shape {list(shape)}: {explain(error)}"
+        ) from error
     if array.shape != shape:
         raise InputError(
             f"{where} should be finite numbers of shape {list(shape)}, not {list(array.shape)}"
         )
     if not array.isfinite().all():
-        raise InputError(f"{where} should be finite numbers, not {array.tolist()}")
+        raise InputError(f"{where} should be finite numbers, not {shorten(array.tolist())}")
+    if (array.abs() > LARGEST).any():
+        raise InputError(
+            f"{where} should be numbers up to {LARGEST:g}, not {shorten(array.tolist())}"
+        )
     return array

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import PIL.ExifTags
 import PIL.Image  # before pycolmap, or saving a PNG crashes
 import pycolmap
 from scipy.ndimage import binary_dilation
@@ -22,8 +23,9 @@ from scipy.ndimage import binary_dilation
 from silmesh.cameras.attempt import TRY_CALIBRATE
 from silmesh.cameras.stages import DATABASE, Report
 from silmesh.errors import InputError
+from silmesh.naming import name_views
 from silmesh.progress import Share, untold
-from silmesh.views import View, read_image
+from silmesh.views import View, open_image, read_image
 
 LENS = "SIMPLE_RADIAL"  # focal length, principal point, one radial coefficient
 FEWEST_PHOTOGRAPHS = 3
@@ -32,6 +34,8 @@ SMALL = 1200  # pixels of the longer side, up to which features are sought at tw
 USUAL_FOCAL = 1.2  # of the longer side, where nothing is known
 FEW_FEATURES = 40  # median over the views, below which there is nothing to match
 POOR = 0.2  # of the median: a photograph with fewer features than that is probably blurred
+FOCAL_ON_FILM = 41989  # EXIF's tag of the focal length as it were on film of 36 x 24 mm
+FILM = np.hypot(36, 24)  # its diagonal, to which COLMAP scales as well
 BORDER = 3  # working pixels by which a mask is widened: features need their surroundings
 
 
@@ -68,18 +72,18 @@ def extract(
             texture
     """
     _refuse_array(paths)
+    names = name_views(paths)
     work = partial(_look_at, max_size=max_size, count=count)
     if threads > 1:
         with ProcessPoolExecutor(threads) as pool:
-            looks = _follow(pool.map(work, paths), len(paths), progress)
+            looks = _follow(pool.map(work, names, paths), len(paths), progress)
     else:
-        looks = _follow(map(work, paths), len(paths), progress)
+        looks = _follow(map(work, names, paths), len(paths), progress)
     found = [look for look in looks if isinstance(look, Photograph)]
     repeated = _find_repeated(found)
     _refuse_few(len(found), repeated)
     report = _describe(found, repeated)
-    unreadable = {p.stem: why for p, why in zip(paths, looks, strict=True) if isinstance(why, str)}
-    names = [path.stem for path in paths]
+    unreadable = {n: why for n, why in zip(names, looks, strict=True) if isinstance(why, str)}
     _write_database(folder / DATABASE, [p for p in found if p.view not in repeated], names)
     return replace(report, dropped={**report.dropped, **unreadable})
 
@@ -104,7 +108,7 @@ def _refuse_array(paths: Sequence[Path]) -> None:
         )
 
 
-def _look_at(path: Path, max_size: int, count: int) -> Photograph | str:
+def _look_at(view: str, path: Path, max_size: int, count: int) -> Photograph | str:
     """Read a photograph and find its features; why it cannot be read, if it cannot."""
     try:
         image = read_image(path).convert("L")
@@ -124,7 +128,7 @@ def _look_at(path: Path, max_size: int, count: int) -> Photograph | str:
     keypoints, descriptors = _sift(np.asarray(image), count)
     keypoints[:, :2] *= np.float32([width / image.width, height / image.height])
     keypoints[:, 2] *= width / image.width
-    return Photograph(path.stem, (width, height), _read_focal(path), digest, keypoints, descriptors)
+    return Photograph(view, (width, height), _read_focal(path), digest, keypoints, descriptors)
 
 
 def _sift(grey: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -147,9 +151,16 @@ def _read_focal(path: Path) -> float | None:
     """The focal length in pixels that EXIF tells, if any."""
     try:
         camera = pycolmap.infer_camera_from_image(path)
-    except (RuntimeError, ValueError):  # of formats that only Pillow reads
-        return None
+    except (RuntimeError, ValueError):  # of formats that only Pillow reads, and names not in UTF-8
+        return _read_focal_by_pillow(path)
     return camera.mean_focal_length() if camera.has_prior_focal_length else None
+
+
+def _read_focal_by_pillow(path: Path) -> float | None:
+    """The same, of what COLMAP does not read."""
+    with open_image(path) as image:
+        on_film = image.getexif().get_ifd(PIL.ExifTags.IFD.Exif).get(FOCAL_ON_FILM)
+        return float(on_film / FILM * np.hypot(*image.size)) if on_film else None
 
 
 def _find_repeated(found: Sequence[Photograph]) -> dict[str, str]:

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from silmesh.errors import InputError
+from silmesh.errors import InputError, shorten
 
 PLAIN = ("SIMPLE_PINHOLE", "PINHOLE")  # no lens at all
 CURVED = {  # the parameters beyond K
@@ -69,7 +69,7 @@ class Lens:
     def __post_init__(self) -> None:
         if self.model not in PARAMETERS:
             raise InputError(
-                f"camera model {self.model!r} cannot be read; known are "
+                f"camera model {shorten(self.model)} cannot be read; known are "
                 f"{', '.join((*PLAIN, *PARAMETERS))}. Other ones are undistorted by the program "
                 "that found the cameras, whose new images and cameras can be read"
             )
@@ -77,7 +77,7 @@ class Lens:
         if len(self.parameters) != len(names) or not np.isfinite(self.parameters).all():
             raise InputError(
                 f"camera model {self.model!r} takes {len(names)} finite parameters beyond K "
-                f"({', '.join(names) or 'none'}), not {list(self.parameters)}"
+                f"({', '.join(names) or 'none'}), not {shorten(list(self.parameters))}"
             )
 
     @property

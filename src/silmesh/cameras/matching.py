@@ -61,7 +61,7 @@ def match(
 def _match_listed(folder: Path, lines: Sequence[str], seed: int, threads: int) -> None:
     """Match these pairs of names; what comes of a pair does not depend on the others."""
     listed = folder / "pairs.txt"
-    listed.write_text("".join(lines))
+    listed.write_text("".join(lines), encoding="utf-8")
     geometry = pycolmap.TwoViewGeometryOptions()
     geometry.ransac.random_seed = seed
     geometry.ransac.max_num_trials = TRIALS

@@ -61,10 +61,10 @@ def make_stage(folder: Path, before: Report, work: Callable[[Path, Report], Repo
 
 
 def _write_report(folder: Path, report: Report) -> None:
-    (folder / REPORT).write_text(json.dumps(asdict(report), indent=1) + "\n")
+    (folder / REPORT).write_text(json.dumps(asdict(report), indent=1) + "\n", encoding="utf-8")
 
 
 def read_report(folder: Path) -> Report:
     """What a stage left."""
-    values = json.loads((folder / REPORT).read_text())
+    values = json.loads((folder / REPORT).read_text(encoding="utf-8"))
     return Report(**{**values, "warnings": tuple(values["warnings"])})

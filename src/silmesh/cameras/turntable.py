@@ -17,7 +17,9 @@ from torch import Tensor
 
 from silmesh.cameras.camera import OBJECT_RADIUS, Cameras
 from silmesh.errors import InputError, blaming
+from silmesh.reading import open_array
 
+FARTHEST = 1_000_000  # units or degrees that mean anything
 HALF_ANGLE = 15.0  # degrees, from the image's centre to the middle of its side
 
 
@@ -89,10 +91,7 @@ def softras_cameras(path: Path, views: Sequence[str], size: int) -> Cameras:
     Raises:
         InputError: it cannot be read, has another shape, or another number of views
     """
-    try:
-        rows = np.lib.format.open_memmap(path, mode="r")
-    except (OSError, ValueError, EOFError) as error:
-        raise InputError(f"{path}: cannot be read as a .npy array: {error}") from error
+    rows = open_array(path)
     if rows.ndim != 2 or rows.shape[1] != 3 or rows.dtype.kind not in "iuf":
         raise InputError(
             f"{path}: should hold [views, 3] numbers (distance, elevation, azimuth in degrees), "
@@ -102,5 +101,7 @@ def softras_cameras(path: Path, views: Sequence[str], size: int) -> Cameras:
         raise InputError(f"{path}: has {len(rows)} cameras, but there are {len(views)} views")
     if not np.isfinite(rows).all():
         raise InputError(f"{path}: row {int(np.argwhere(~np.isfinite(rows))[0, 0])} is not finite")
+    if np.abs(rows.astype(np.float64)).max() > FARTHEST:
+        raise InputError(f"{path}: distances and angles should be at most {FARTHEST:,}")
     with blaming(path):
         return orbit_cameras(views, size, *torch.tensor(rows.astype(np.float64)).unbind(1))

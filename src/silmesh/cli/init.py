@@ -1,19 +1,28 @@
 """Writes a table and a configuration for a folder of folders, ready for ``snakemake``."""
 
 import os
-import shlex
 from collections.abc import Iterator
 from pathlib import Path
 
 from silmesh.cli.choose import choose_cameras, choose_silhouettes, look
-from silmesh.cli.photographs import find_masks, find_photographs, folders_within
+from silmesh.cli.photographs import (
+    find_cameras,
+    find_masks,
+    find_photographs,
+    folders_within,
+)
 from silmesh.cli.workspace import CONFIG, TABLE, find_snakefile, to_name, to_table, write_text
+from silmesh.datasets import usable
 from silmesh.errors import InputError
 from silmesh.files import try_file
+from silmesh.naming import quote
 
 SNAKEFILE = """\
 # The workflow of the silmesh that is installed, on the table and the configuration beside this.
 from silmesh.cli.workspace import find_snakefile
+from silmesh.yamls import main as refuse_wrong
+
+refuse_wrong(["--configfile", "config.yaml"])
 
 
 configfile: "config.yaml"
@@ -57,35 +66,39 @@ def write_project(folder: Path, force: bool) -> Iterator[str]:
     if not within:
         raise InputError(
             f"{folder}: has no folders with photographs, one for each object; "
-            f"`silmesh {folder} -o mesh.glb` makes the one of a folder of photographs"
+            f"`silmesh {quote(folder)} -o mesh.glb` makes the one of a folder of photographs"
         )
     made = [folder / name for name in ("Snakefile", TABLE, CONFIG, str(PROFILE))]
     if there := [str(path) for path in made if os.path.lexists(path) and not force]:
         raise InputError(f"{', '.join(there)}: is there already; --force overwrites it")
     for path in made:
         try_file(path)
-    rows = [_describe(path, folder) for path in within]
+    described = [_describe(path, folder) for path in within]
+    rows = [row for row, _ in described]
     _refuse_equal_names(rows, within)
-    for row in rows:
+    for row, notes in described:
         yield f"{row['object']}: silhouettes {row['silhouettes']}, cameras {row['cameras']}"
-    profile = (find_snakefile().parent / "workflow" / PROFILE).read_text()
+        yield from (f"{row['object']}: {note}" for note in notes)
+    profile = (find_snakefile().parent / "workflow" / PROFILE).read_text(encoding="utf-8")
     texts = (SNAKEFILE, to_table(rows), CONFIGURATION, profile)
     for path, text in zip(made, texts, strict=True):
         write_text(path, text)
     yield f"written: {', '.join(map(str, made[:3]))}; look at the table, then:"
-    yield f"cd {shlex.quote(str(folder))} && snakemake --cores {os.cpu_count()}"
+    yield f"cd {quote(folder)} && snakemake --cores {os.cpu_count()}"
 
 
-def _describe(photographs: Path, folder: Path) -> dict[str, str]:
-    """An object's row of the table."""
-    files, _ = find_photographs([photographs])
-    masks, seen = find_masks(files), look(files)
+def _describe(photographs: Path, folder: Path) -> tuple[dict[str, str], list[str]]:
+    """An object's row of the table, and what is said of its files."""
+    files, notes = find_photographs([photographs])
+    (masks, lacking), seen = find_masks(files), look(files)
+    for path in [Path(photographs.name), *files, *masks]:
+        usable(path)
     row = {"object": to_name(photographs.name), "images": photographs.name}
     if masks:
         row["masks"] = os.path.relpath(masks[0].parent, folder)
     row["silhouettes"], _ = choose_silhouettes(seen, bool(masks), str(photographs))
     tries, _ = choose_cameras(seen)
-    return row | {"cameras": tries[0]}
+    return row | {"cameras": tries[0]}, [*notes, *lacking, *find_cameras(files)]
 
 
 def _refuse_equal_names(rows: list[dict[str, str]], folders: list[Path]) -> None:

@@ -1,5 +1,6 @@
 """The command line: ``silmesh PHOTOS...`` and ``silmesh init``."""
 
+import io
 import os
 import signal
 import sys
@@ -62,6 +63,9 @@ HELP = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
 @click.version_option(package_name="silmesh")
 def main() -> None:
     """Photographs to meshes."""
+    for stream in (sys.stdout, sys.stderr):  # a name may have what a terminal cannot show
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 @main.command(MAKE, cls=_Make, hidden=True, context_settings=HELP)

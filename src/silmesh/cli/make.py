@@ -18,9 +18,16 @@ from silmesh.cli.outcome import (
     find_doubts,
     refuse_suffix,
 )
-from silmesh.cli.photographs import find_masks, find_photographs, is_video
+from silmesh.cli.photographs import (
+    describe_count,
+    find_cameras,
+    find_masks,
+    find_photographs,
+    is_video,
+)
 from silmesh.cli.runner import RunError, Runner
 from silmesh.cli.workspace import Workspace, claim, place_of, try_workspace
+from silmesh.datasets import usable
 from silmesh.diagnosis import MEASURED, describe_masks
 from silmesh.errors import InputError
 from silmesh.files import try_file
@@ -66,9 +73,11 @@ def make_mesh(
     _try_outputs(output, page)
     folder, name = place_of(paths, keep)
     try_workspace(folder, OTHER_KEEP if keep else OTHER_CACHE)
-    files, notes = find_photographs(_cut_video(paths, folder))
-    found = find_masks(files, masks) if silhouettes in (None, "mask") else []
-    _say(f"{len(files)} photographs", *notes)
+    besides = [output, page, masks, _path_of(cameras), folder]
+    files, notes = find_photographs(_cut_video(paths, folder), [path for path in besides if path])
+    found, lacking = _find_masks(files, masks, silhouettes)
+    known = [] if _path_of(cameras) else find_cameras(files)
+    _say(describe_count(files), *notes, *lacking, *known)
     silhouettes, tries = _choose(files, bool(found), silhouettes, cameras)
     _refuse_inputs((output, page), (*files, *found))
     work = Workspace(folder, name, tuple(files), tuple(found))
@@ -92,6 +101,12 @@ def make_mesh(
     click.echo(describe(output, metrics))
     for doubt in find_doubts(metrics, work.folder / "results", tried):
         _say(f"doubtful: {doubt}")
+
+
+def _path_of(cameras: str | None) -> Path | None:
+    """The file or folder that cameras are read from, if they are."""
+    _, _, path = (cameras or "").partition(":")
+    return Path(path) if path else None
 
 
 def _try_outputs(output: Path, page: Path | None) -> None:
@@ -127,6 +142,26 @@ def _cut_video(paths: Sequence[Path], folder: Path) -> Sequence[Path]:
     claim(folder)
     _say(f"{paths[0]}: is a video; the sharpest pictures are taken from it")
     return cut(paths[0], folder / VIDEO / "frames")
+
+
+def _find_masks(
+    files: Sequence[Path], given: Path | None, silhouettes: str | None
+) -> tuple[list[Path], list[str]]:
+    """The mask of each photograph if they are wanted, and what is said of those that are not used.
+
+    Raises:
+        InputError: masks are given, and a photograph has none or the silhouettes are others
+    """
+    if silhouettes in (None, "mask"):
+        return find_masks(files, given)
+    if given:
+        raise InputError(
+            f"--masks {given}: --silhouettes {silhouettes} takes no masks; leave one of the two out"
+        )
+    found, _ = find_masks(files)
+    if not found:
+        return [], []
+    return [], [f"not used: the masks in {found[0].parent}, because of --silhouettes {silhouettes}"]
 
 
 def _choose(
@@ -223,7 +258,7 @@ def _configure(
 ) -> tuple[str, dict[str, str], dict[str, Any]]:
     """The name of a variant, what the object's row says, and the configuration."""
     kind, _, path = cameras.partition(":")
-    where = f"{kind}:{Path(path).absolute()}" if path else cameras
+    where = f"{kind}:{usable(Path(path).absolute())}" if path else cameras
     variant = kind if kind.isidentifier() else "mesh"
     row = {"silhouettes": silhouettes, "cameras": where, "turntable": options["turntable"]}
     values = {
@@ -243,7 +278,9 @@ def _as_written(said: str, cameras: str) -> str:
 
 
 def _read(work: Workspace, variant: str) -> dict[str, Any]:
-    return json.loads((work.folder / work.result(variant, "metrics.json")).read_text())
+    return json.loads(
+        (work.folder / work.result(variant, "metrics.json")).read_text(encoding="utf-8")
+    )
 
 
 def _say(*lines: str) -> None:

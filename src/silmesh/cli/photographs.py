@@ -1,22 +1,44 @@
 """What a person names: the photographs of one object, and perhaps masks; what it is if not that."""
 
+import os
 import re
-import shlex
 from collections import defaultdict
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 
-from PIL import Image
-
+from silmesh.cameras.locate import NAMED
 from silmesh.errors import InputError
-from silmesh.views import SUFFIXES, find_images, match_masks, natural_key
+from silmesh.naming import (
+    MASK_FOLDERS,
+    SUFFIXES,
+    match_masks,
+    natural_key,
+    order_photographs,
+    pair_masks,
+    quote,
+    split_masks,
+    tell_spare,
+)
+from silmesh.views import describe_shapes, images_in, is_image, list_images, list_masks, open_image
 
 VIDEOS = (".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mts", ".3gp")
-UNREAD = (".heic", ".heif", ".avif", ".dng", ".cr2", ".cr3", ".nef", ".arw", ".gif")
-MASKS = ("masks", "mask", "silhouettes")  # names of folders in or beside one of photographs
+RAW = (
+    *(".dng", ".cr2", ".cr3", ".crw", ".nef", ".nrw", ".arw", ".srf", ".sr2", ".orf", ".rw2"),
+    *(".raf", ".pef", ".srw", ".x3f", ".3fr", ".iiq", ".raw", ".gpr"),
+)
+UNREAD = (*RAW, ".gif", ".jxl", ".jp2", ".j2k", ".psd", ".exr", ".hdr", ".tga", ".svg", ".pdf")
+SIDECARS = (".xmp", ".aae", ".thm", ".lrv", ".pp3", ".dop")
+SYSTEM = ("thumbs.db", "desktop.ini")  # files of a system's own, as hidden ones
+CAMERAS = (
+    *NAMED,
+    *("transforms_*.json", "poses_bounds.npy", "cameras.xml", "bundle*.out", "*.nvm", "*.mvs"),
+    *("cameras.bin", "cameras.txt", "sparse"),
+)
 FEWEST = 2  # photographs
 SERIES = 3  # photographs of names alike, from which they are taken for an object's
-MAKER, MODEL = 271, 272  # EXIF
+NAMES = 3  # of files in a message
+MAKER, MODEL, ORIENTATION = 271, 272, 274  # EXIF
 
 
 def is_video(path: Path) -> bool:
@@ -24,106 +46,273 @@ def is_video(path: Path) -> bool:
     return path.suffix.lower() in VIDEOS
 
 
-def find_photographs(paths: Sequence[Path]) -> tuple[list[Path], list[str]]:
-    """The photographs that a person names, in natural order.
+def find_photographs(
+    paths: Sequence[Path], besides: Iterable[Path] = ()
+) -> tuple[list[Path], list[str]]:
+    """The photographs that a person names, in the natural order of their views.
 
     Args:
         paths: one folder, or files
+        besides: what is used otherwise, and may lie there too
     Returns:
-        the files, and what a person should know of them
+        the files, and what a person should know of them and of what is not used
 
     Raises:
-        InputError: a video, no photographs, several folders, or a folder whose photographs seem
+        InputError: videos, no photographs, several folders, or a folder whose photographs seem
             to be of several objects
     """
-    for path in paths:
-        if is_video(path):
-            raise InputError(f"{path}: is a video; one alone is cut into photographs: name only it")
-    folders = [path for path in paths if path.is_dir()]
-    if len(folders) > 1 or (folders and len(paths) > 1):
+    if all(map(is_video, paths)):
+        raise InputError(f"{paths[0]}: is a video; one alone is cut into photographs: name only it")
+    masks = [path for path in paths if path.is_dir() and path.name.lower() in MASK_FOLDERS]
+    named = paths if len(paths) == len(masks) else [path for path in paths if path not in masks]
+    folders = [path for path in named if path.is_dir()]
+    if len(folders) > 1 or (folders and len(named) > 1):
         raise InputError(
             f"{', '.join(map(str, folders))}: silmesh makes one object, from one folder or from "
             "files; `silmesh init` writes a table for a folder of folders"
         )
     if folders:
-        return _in_folder(folders[0]), []
-    files = sorted((file for path in paths for file in find_images(path)), key=natural_key)
-    _refuse_few(files, "named are")
-    return files, [f"these are taken for one object: {mix}" for mix in filter(None, [_mix(files)])]
+        files = _in_folder(folders[0])
+        known = set(map(os.path.abspath, besides))
+        others = [path for path in _others_in(folders[0]) if os.path.abspath(path) not in known]
+        return files, [*_tell_unused(others, files), *_tell_shapes(files)]
+    files, others, set_apart = _take_named(named)
+    notes = [f"these are taken for one object: {mix}" for mix in filter(None, [_mix(files)])]
+    if set_apart:
+        notes.append(f"named as masks, not as photographs: {_list(set_apart)}")
+    return files, [*notes, *_tell_unused(others, files), *_tell_shapes(files)]
 
 
-def find_masks(files: Sequence[Path], given: Path | None = None) -> list[Path]:
-    """The mask of each photograph: of a folder or glob that is given, or of one named ``masks``.
+def describe_count(files: Sequence[Path]) -> str:
+    """How many photographs there are, and which of them cannot be read."""
+    wrong = {}
+    for file in files:
+        try:
+            open_image(file).close()
+        except Exception as error:  # decoders raise anything on damaged files
+            wrong[file] = error
+    if not wrong:
+        return f"{len(files)} photographs"
+    lost = list(wrong)
+    return (
+        f"{len(files) - len(lost)} photographs; {len(lost)} more cannot be read: {_list(lost)}, "
+        f"{wrong[lost[0]]}. Get them anew, or {_advise_conversion(lost)}"
+    )
 
-    That lies in the photographs' folder or beside it, and has a mask for each of them.
+
+def find_masks(files: Sequence[Path], given: Path | None = None) -> tuple[list[Path], list[str]]:
+    """The mask of each photograph: of a folder or glob that is given, or found.
+
+    They are found beside the photographs, or in a folder named ``masks`` that lies in the
+    photographs' folder or beside it, if each photograph has one.
+
+    Returns:
+        the masks, or none, and what a person should know of those that are not used
 
     Raises:
-        InputError: masks are given, and a photograph has none
+        InputError: masks are given, and a photograph has none; or a photograph has several
     """
     if given:
-        return match_masks(files, find_images(given))
+        masks, spare = match_masks(files, list_masks(given, files))
+        return masks, tell_spare(spare)
+    notes = []
+    for there in _places_of_masks(files):
+        found, spare = pair_masks(files, there)
+        bare = [file for file, masks in zip(files, found, strict=True) if not masks]
+        if not bare:
+            return [masks[0] for masks in found], tell_spare(spare)
+        notes.append(_tell_lacking(there, files, bare))
+    return [], notes
+
+
+def find_cameras(files: Sequence[Path]) -> list[str]:
+    """A line on files of cameras that lie in the photographs' folder or beside it, if there are."""
     folder = files[0].parent
-    for place in (parent / name for parent in (folder, folder.parent) for name in MASKS):
-        if place.is_dir() and place != folder and _has_mask_of_each(place, files):
-            return match_masks(files, _images_of(place, files))
-    return []
+    found = []
+    with suppress(OSError):
+        for place in (folder, _above(folder)):
+            found += [path for name in CAMERAS for path in sorted(place.glob(name))]
+    if not found:
+        return []
+    return [
+        f"found, not used: {', '.join(map(str, dict.fromkeys(found)))}; "
+        f"`--cameras file:{quote(found[0])}` takes the cameras from there"
+    ]
 
 
 def folders_within(folder: Path) -> list[Path]:
     """The folders in a folder that hold photographs and are not masks, in natural order."""
-    within = [path for path in folder.iterdir() if path.is_dir() and path.name not in MASKS]
-    return sorted((path for path in within if _images(path)), key=natural_key)
+    within = [p for p in folder.iterdir() if p.is_dir() and not p.name.startswith(".")]
+    within = [path for path in within if path.name.lower() not in MASK_FOLDERS]
+    return sorted((path for path in within if images_in(path)), key=natural_key)
 
 
 def _in_folder(folder: Path) -> list[Path]:
     """The photographs of a folder, which are of one object as far as one can see."""
-    if not _images(folder):
+    images = images_in(folder)
+    if not images:
         raise InputError(_say_why_none(folder))
-    files = find_images(folder)
+    files = order_photographs(split_masks(images)[0])
     _refuse_few(files, f"{folder}: holds")
     if mix := _mix(files):
         raise InputError(
             f"{folder}: holds photographs that differ: {mix}. silmesh makes one object: name its "
-            f"files, as in `silmesh {folder}/{_pattern(files)} -o mesh.glb`"
+            f"files, as in `silmesh {_pattern(files)} -o mesh.glb`"
         )
     return files
 
 
-def _images(folder: Path) -> list[Path]:
-    """The image files of a folder, in no order."""
-    files = (path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES)
-    return [path for path in files if path.is_file() and not path.name.startswith(".")]
+def _take_named(paths: Sequence[Path]) -> tuple[list[Path], list[Path], list[Path]]:
+    """The photographs among files that are named, what is not read of them, and masks."""
+    found = [path for path in paths if path.suffix and not is_image(path) and path.is_file()]
+    taken = [file for path in paths if path not in found for file in list_images(path)]
+    if found and not taken:
+        raise InputError(_say_unread(found) or f"{found[0]}: is no photograph, by its ending")
+    photographs, masks = split_masks(taken)
+    files = order_photographs(photographs)
+    _refuse_few(files, "named are")
+    return files, found, masks
 
 
-def _images_of(folder: Path, files: Sequence[Path]) -> list[Path]:
+def _others_in(folder: Path) -> list[Path]:
+    """What a folder of photographs has beside images, masks and files of cameras."""
+    there = [path for path in folder.iterdir() if not path.name.startswith(".")]
+    cameras = {path for name in CAMERAS for path in folder.glob(name)}
+    return sorted(
+        path
+        for path in there
+        if path not in cameras
+        and path.name.lower() not in SYSTEM
+        and (_holds_photographs(path) if path.is_dir() else not is_image(path))
+    )
+
+
+def _holds_photographs(folder: Path) -> bool:
+    """Whether a folder that is not of masks has images, as far as one can see."""
+    with suppress(OSError):
+        return folder.name.lower() not in MASK_FOLDERS and bool(images_in(folder))
+    return False
+
+
+def _tell_unused(others: Sequence[Path], files: Sequence[Path]) -> list[str]:
+    """A line on each kind of what is not used beside photographs."""
     stems = {file.stem for file in files}
-    return [path for path in _images(folder) if path.stem in stems]
+    kinds = defaultdict(list)
+    for path in others:
+        kinds[_say_what(path, path.stem in stems)].append(path)
+    said = [f"not used: {_list(paths)}: {what}" for what, paths in kinds.items() if what]
+    return [*said, *filter(None, [f"not used: {_say_unread(kinds[''])}" if kinds[""] else ""])]
 
 
-def _has_mask_of_each(folder: Path, files: Sequence[Path]) -> bool:
-    found = _images_of(folder, files)
-    return len(found) == len(files) and {f.stem for f in found} == {f.stem for f in files}
+def _say_what(path: Path, twin: bool) -> str:
+    """What a file is that is not used; "" for an image in a format that is not read."""
+    if path.is_dir():
+        return "folders with images"
+    if is_video(path):
+        return "a video is cut into photographs where it alone is named"
+    if path.suffix.lower() in SIDECARS:
+        return "sidecars"
+    if path.suffix.lower() not in UNREAD:
+        return "no photographs"
+    return "each beside a photograph of its name" if twin else ""
+
+
+def _list(paths: Sequence[Path]) -> str:
+    """Files by their endings, or one by its name."""
+    endings = defaultdict(list)
+    for path in paths:
+        endings[path.suffix.lower()].append(path)
+    return ", ".join(
+        found[0].name if len(found) == 1 else f"{len(found)} {ending} (as {found[0].name})".strip()
+        for ending, found in endings.items()
+    )
+
+
+def _say_unread(paths: Sequence[Path]) -> str:
+    """What to do with images in formats that are not read."""
+    unread = [path for path in paths if path.suffix.lower() in UNREAD]
+    return f"{_list(unread)}: not read; {_advise_conversion(unread)}" if unread else ""
+
+
+def _advise_conversion(paths: Sequence[Path]) -> str:
+    """How to make images readable that are not."""
+    which = f"{quote(paths[0].parent)}/*{paths[0].suffix}"
+    return (
+        "save them as JPEG or PNG, for example by ImageMagick: "
+        f"`magick mogrify -format jpg {which}`"
+    )
+
+
+def _tell_shapes(files: Sequence[Path]) -> list[str]:
+    """A line on photographs of which some lie and some stand, if so."""
+    sizes = []
+    for file in files:
+        with suppress(Exception):  # of what cannot be read is told elsewhere
+            sizes.append(_upright_size(file))
+    return list(filter(None, [describe_shapes(sizes)]))
+
+
+def _upright_size(file: Path) -> tuple[int, int]:
+    with open_image(file) as opened:
+        turned = opened.getexif().get(ORIENTATION, 1) in (5, 6, 7, 8)
+        return opened.size[::-1] if turned else opened.size
+
+
+def _places_of_masks(files: Sequence[Path]) -> Iterator[list[Path]]:
+    """The images of each place where masks may be: among the photographs, and folders so named."""
+    folders = list(dict.fromkeys(file.parent for file in files))
+    own = set(map(os.path.abspath, folders))
+    yield from filter(None, [[m for f in folders for m in split_masks(sorted(images_in(f)))[1]]])
+    for around in (folders, list(dict.fromkeys(map(_above, folders)))):
+        places = defaultdict(list)
+        for folder in (within for place in around for within in _mask_folders(place)):
+            if os.path.abspath(folder) not in own:
+                with suppress(InputError):
+                    places[folder.name] += list_masks(folder, files)
+        yield from filter(None, places.values())
+
+
+def _mask_folders(folder: Path) -> list[Path]:
+    with suppress(OSError):
+        there = sorted(path for path in folder.iterdir() if path.name.lower() in MASK_FOLDERS)
+        return [path for path in there if path.is_dir()]
+    return []
+
+
+def _above(folder: Path) -> Path:
+    return Path(os.path.normpath(folder / ".."))
+
+
+def _tell_lacking(masks: Sequence[Path], files: Sequence[Path], bare: Sequence[Path]) -> str:
+    """A line on masks that are not used since some photographs have none."""
+    where = f"not used: {masks[0].parent}"
+    if len(bare) == len(files):
+        stem = files[0].stem
+        return (
+            f"{where}: none of its {len(masks)} images is named as the mask of a photograph, as "
+            f"{stem}.png or {stem}_mask.png would be"
+        )
+    lacking = ", ".join(file.name for file in bare[:NAMES]) + ", ..." * bool(bare[NAMES:])
+    return f"{where}: has no mask of {lacking} ({len(bare)} of {len(files)} photographs lack one)"
 
 
 def _say_why_none(folder: Path) -> str:
     """What a folder without photographs holds instead, and what to do."""
     if within := folders_within(folder):
-        names = ", ".join(path.name for path in within[:3]) + (", ..." if within[3:] else "")
+        names = ", ".join(path.name for path in within[:NAMES]) + (
+            ", ..." if within[NAMES:] else ""
+        )
         return (
             f"{folder}: has no photographs itself, but {len(within)} folders that do ({names}). "
-            f"`silmesh {within[0]} -o mesh.glb` makes one object of a folder; "
-            f"`silmesh init {folder}` writes a table for all"
+            f"`silmesh {quote(within[0])} -o mesh.glb` makes one object of a folder; "
+            f"`silmesh init {quote(folder)}` writes a table for all"
         )
-    others = sorted(folder.iterdir())
+    others = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
     if videos := [path for path in others if is_video(path)]:
-        video = shlex.quote(str(videos[0]))
-        return f"{folder}: has a video and no photograph: `silmesh {video} -o mesh.glb` cuts it"
-    if unread := [path for path in others if path.suffix.lower() in UNREAD]:
-        return (
-            f"{unread[0]}: {unread[0].suffix} is not read; save the photographs as JPEG or PNG, "
-            f"for example by ImageMagick: `magick mogrify -format jpg "
-            f"{folder}/*{unread[0].suffix}`"
-        )
+        cut = f"`silmesh {quote(videos[0])} -o mesh.glb` cuts it"
+        return f"{folder}: has a video and no photograph: {cut}"
+    if unread := _say_unread(others):
+        return f"{folder}: has no photograph, but {unread}"
     return f"{folder}: has no photograph ({', '.join(SUFFIXES)})"
 
 
@@ -136,8 +325,11 @@ def _refuse_few(files: Sequence[Path], where: str) -> None:
 
 
 def _pattern(files: Sequence[Path]) -> str:
-    """A glob of the files named like the first."""
-    return f"{re.split(r'[0-9]', files[0].stem)[0]}*{files[0].suffix}"
+    """A glob of the files named like the first, as the shell reads it."""
+    first = files[0]
+    begins = re.sub(r"[0-9]+[^0-9]*$", "", first.stem)
+    within = quote(first.parent / begins) if begins else f"{quote(first.parent)}/"
+    return f"{within}*{quote(first.suffix)}"
 
 
 def _mix(files: Sequence[Path]) -> str:
@@ -157,17 +349,17 @@ def _mix(files: Sequence[Path]) -> str:
 
 def _list_kinds(kinds: Iterable[tuple[str, list[Path]]]) -> str:
     ordered = sorted(kinds, key=lambda kind: -len(kind[1]))
-    said = [f"{len(files)} {kind} (as {files[0].name})" for kind, files in ordered[:3]]
-    return ", ".join(said) + (f" and {len(ordered) - 3} other kinds" if ordered[3:] else "")
+    said = [f"{len(files)} {kind} (as {files[0].name})" for kind, files in ordered[:NAMES]]
+    return ", ".join(said) + (f" and {len(ordered) - NAMES} other kinds" if ordered[NAMES:] else "")
 
 
 def _kind(file: Path) -> str:
     """Size, however it is turned, and camera of a photograph; nothing of one that is unreadable."""
     try:
-        with Image.open(file) as opened:
+        with open_image(file) as opened:
             exif = opened.getexif()
             longer, shorter = sorted(opened.size, reverse=True)
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
+    except Exception:  # decoders raise anything on damaged files
         return ""  # what is done with it depends on the policy
     camera = " ".join(str(exif[tag]).strip("\0 ") for tag in (MAKER, MODEL) if tag in exif)
     return f"of {longer}x{shorter}" + (f" by {camera}" if camera else "")

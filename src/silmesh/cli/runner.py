@@ -32,6 +32,7 @@ PART = re.compile(r"(\w+)\b[^:]*: (\d+)/(\d+)")
 FAILED = re.compile(r"Error in rule (\w+)")
 LOG = re.compile(r" +log: (\S+)")
 OURS = "silmesh: "
+SPOKEN = "utf-8:backslashreplace"  # what all processes of a run write, in any locale
 
 
 class RunError(Exception):
@@ -69,7 +70,7 @@ class Runner:
             self._command(targets),
             cwd=self._folder,
             env=_environment(self._folder),
-            text=True,
+            encoding="utf-8",
             errors="replace",
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
@@ -169,7 +170,7 @@ def _environment(folder: Path) -> dict[str, str]:
         try_inside(user_cache() / "snakemake")
     except (InputError, RuntimeError):
         kept["XDG_CACHE_HOME"] = str(folder.absolute() / ".snakemake" / "cache")
-    return kept | {EVERY: "1", "PYTHONUNBUFFERED": "1"}
+    return kept | {EVERY: "1", "PYTHONUNBUFFERED": "1", "PYTHONIOENCODING": SPOKEN}
 
 
 def _lines(process: subprocess.Popen) -> Iterator[str | None]:
@@ -208,5 +209,5 @@ def _stop(process: subprocess.Popen) -> None:
 
 def _last_message(log: Path) -> str:
     """The message that a step's log ends with: from its last line that is ours."""
-    text = "\n" + log.read_text(errors="replace") if log.is_file() else ""
+    text = "\n" + log.read_text(errors="replace", encoding="utf-8") if log.is_file() else ""
     return text.rpartition(f"\n{OURS}")[2].strip() if f"\n{OURS}" in text else ""

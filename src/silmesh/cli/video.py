@@ -1,5 +1,6 @@
 """Photographs out of a video: the sharpest picture of each of its parts."""
 
+import os
 from collections.abc import Iterator
 from itertools import groupby
 from pathlib import Path
@@ -8,7 +9,7 @@ import av
 import numpy as np
 from PIL import Image
 
-from silmesh.errors import InputError
+from silmesh.errors import InputError, reading
 from silmesh.files import making
 
 PARTS = 60  # photographs of a video
@@ -29,30 +30,28 @@ def cut(video: Path, folder: Path) -> list[Path]:
         InputError: it cannot be read
     """
     seen = video.stat()
-    stamp = f"{video.absolute()} {seen.st_size} {seen.st_mtime_ns}\n"
+    stamp = os.fsencode(f"{video.absolute()} {seen.st_size} {seen.st_mtime_ns}\n")
     done = folder / DONE
-    if not (done.is_file() and done.read_text() == stamp):
+    if not (done.is_file() and done.read_bytes() == stamp):
         with making(folder) as part:
             for i, picture in enumerate(_sharpest(video)):
                 picture.save(part / f"{i:04d}.jpg", quality=QUALITY)
-            (part / DONE).write_text(stamp)
+            (part / DONE).write_bytes(stamp)
     return sorted(folder.glob("*.jpg"))
 
 
 def _sharpest(video: Path) -> Iterator[Image.Image]:
     """The sharpest frame of each part, upright."""
-    try:
-        with av.open(str(video)) as film:
-            if not film.streams.video:
-                raise InputError(f"{video}: has no pictures")
-            stream = film.streams.video[0]
-            stream.thread_type = "AUTO"
-            length = _count(film, stream)
-            frames = enumerate(film.decode(stream))
-            for _, part in groupby(frames, lambda pair: min(pair[0] * PARTS // length, PARTS - 1)):
-                yield _upright(max((frame for _, frame in part), key=_sharpness))
-    except av.FFmpegError as error:
-        raise InputError(f"{video}: cannot be read as a video: {error.strerror}") from error
+    # Opened here, since its name may not be in UTF-8.
+    with reading(video, "a video"), open(video, "rb") as file, av.open(file) as film:
+        if not film.streams.video:
+            raise InputError(f"{video}: has no pictures")
+        stream = film.streams.video[0]
+        stream.thread_type = "AUTO"
+        length = _count(film, stream)
+        frames = enumerate(film.decode(stream))
+        for _, part in groupby(frames, lambda pair: min(pair[0] * PARTS // length, PARTS - 1)):
+            yield _upright(max((frame for _, frame in part), key=_sharpness))
 
 
 def _count(film: av.container.InputContainer, stream: av.VideoStream) -> int:

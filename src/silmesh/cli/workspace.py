@@ -21,9 +21,10 @@ import yaml
 
 from silmesh.cli.photographs import is_video
 from silmesh.config import NAME
-from silmesh.datasets import COLUMNS, RESERVED
+from silmesh.datasets import COLUMNS, RESERVED, UNPRINTABLE
 from silmesh.errors import InputError
 from silmesh.files import PART, replacing, try_inside
+from silmesh.naming import SUFFIXES, name_views, natural_key
 from silmesh.places import WRITTEN, try_places
 from silmesh.plan import Plan
 from silmesh.provenance import SOURCE
@@ -32,6 +33,8 @@ from silmesh.silhouettes.weights import cache_folder
 TABLE, CONFIG = "datasets.tsv", "config.yaml"
 PHOTOGRAPHS, MASKS = "photographs", "masks"  # folders of links
 MADE_BY = "silmesh.json"  # says that the folder is ours, and what was put into it
+UNUSABLE = rf"{UNPRINTABLE}|[{{}}]"  # what a link's name has not
+LONGEST = 200  # bytes of a link's name, of which the end tells most
 Link = tuple[str, str]  # name and target
 TABLE_LINE = re.compile(rf"{re.escape(TABLE)}, line 2 \([\w-]+\): ")
 
@@ -121,8 +124,8 @@ class Workspace:
         with TemporaryDirectory() as scratch:
             trial = replace(self, folder=Path(scratch))
             try:
-                _link(trial.folder / PHOTOGRAPHS, trial.photographs, [])
-                _link(trial.folder / MASKS, trial.masks, [])
+                for name, links in trial._links().items():
+                    _link(trial.folder / name, links, [])
                 write_text(trial.folder / TABLE, trial._table(row))
                 plan = Plan({"datasets": trial.folder / TABLE, **values}, "the options")
             except InputError as error:
@@ -136,11 +139,11 @@ class Workspace:
             InputError: the folder has what is not of silmesh
         """
         now, before = version("silmesh"), claim(self.folder)
-        for name, files in ((PHOTOGRAPHS, self.photographs), (MASKS, self.masks)):
-            links = self.folder / name
-            ours = _ours(_links_in(links), _read_made(self.folder).get(name))
-            self._note(**{name: sorted({*ours, *_wanted(files)})})
-            _link(links, files, ours)
+        for name, links in self._links().items():
+            place = self.folder / name
+            ours = _ours(_links_in(place), _read_made(self.folder).get(name))
+            self._note(**{name: sorted({*ours, *_wanted(links)})})
+            _link(place, links, ours)
         self._note(version=now)
         return None if before == now else before
 
@@ -176,10 +179,25 @@ class Workspace:
     def restore(self, said: str) -> str:
         """A message with the person's own paths for the links to them."""
         said = TABLE_LINE.sub("", said.replace(f"{self.folder}/", ""))
-        for folder, files in ((PHOTOGRAPHS, self.photographs), (MASKS, self.masks)):
-            for file in files:
-                said = re.sub(rf"(?<![\w/]){folder}/{re.escape(file.name)}\b", str(file), said)
+        for folder, links in self._links().items():
+            for name, file in links.items():
+                own = str(file)
+                said = re.sub(
+                    rf"(?<![\w/]){folder}/{re.escape(name)}\b", lambda _, own=own: own, said
+                )
         return said
+
+    def _links(self) -> dict[str, dict[str, Path]]:
+        """The files by the names of the links to them, folder by folder; a mask's is its view's."""
+        names = name_links(self.photographs)
+        pairs = zip(names, self.masks, strict=False)
+        return {
+            PHOTOGRAPHS: {
+                name + _ending(file): file
+                for name, file in zip(names, self.photographs, strict=True)
+            },
+            MASKS: {name + _ending(mask): mask for name, mask in pairs},
+        }
 
 
 def place_of(paths: Sequence[Path], keep: Path | None = None) -> tuple[Path, str]:
@@ -194,8 +212,27 @@ def place_of(paths: Sequence[Path], keep: Path | None = None) -> tuple[Path, str
     if keep:
         return keep.absolute(), name
     named = "\n".join(sorted(str(path.absolute()) for path in paths))
-    folder = cache_folder().absolute() / "objects"
-    return folder / f"{name}-{zlib.crc32(named.encode()):08x}", name
+    digest = zlib.crc32(os.fsencode(named))
+    return cache_folder().absolute() / "objects" / f"{name}-{digest:08x}", name
+
+
+def name_links(files: Sequence[Path]) -> list[str]:
+    """Names for links to photographs, without endings: their views', if rules can take these.
+
+    They differ, and their natural order is that of the files, whose place in a turn counts.
+    """
+    clean = [re.sub(UNUSABLE, "_", name).encode() for name in name_views(files)]
+    names = [name[-LONGEST:].decode(errors="ignore") for name in clean]
+    order = [natural_key(name + file.suffix) for name, file in zip(names, files, strict=True)]
+    hidden = any(name.startswith(".") for name in names)
+    if len(set(names)) == len(names) and sorted(order) == order and not hidden:
+        return names
+    return [f"{place:04d}_{name}" for place, name in enumerate(names)]
+
+
+def _ending(file: Path) -> str:
+    """A file's ending, or one of an image's where it has none."""
+    return file.suffix if file.suffix.lower() in SUFFIXES else SUFFIXES[0]
 
 
 def _refuse_others(folder: Path) -> None:
@@ -221,7 +258,7 @@ def _refuse_others(folder: Path) -> None:
 def _read_made(folder: Path) -> dict[str, Any]:
     """What silmesh noted of what it put into a folder; nothing if the folder is not its own."""
     try:
-        made = json.loads((folder / MADE_BY).read_text())
+        made = json.loads((folder / MADE_BY).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
     return made if isinstance(made, dict) and "version" in made else {}
@@ -231,8 +268,8 @@ def _digest(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else ""
 
 
-def _wanted(files: Sequence[Path]) -> list[Link]:
-    return [(file.name, str(file.absolute())) for file in files]
+def _wanted(links: Mapping[str, Path]) -> list[Link]:
+    return [(name, str(file.absolute())) for name, file in links.items()]
 
 
 def _links_in(folder: Path) -> list[Link]:
@@ -253,16 +290,17 @@ def _ours(links: Sequence[Link], known: Sequence[Sequence[str]] | None) -> set[L
     return {link for link in links if link[1] and (noted is None or link in noted)}
 
 
-def _link(folder: Path, files: Sequence[Path], ours: Container[Link]) -> None:
+def _link(folder: Path, links: Mapping[str, Path], ours: Container[Link]) -> None:
     """Make a folder of links to these files, unless it is that already.
 
     Args:
+        links: the files by the names of the links
         ours: those that may be removed for it
 
     Raises:
         InputError: something else is in it
     """
-    there, wanted = set(_links_in(folder)), set(_wanted(files))
+    there, wanted = set(_links_in(folder)), set(_wanted(links))
     for link in there - wanted:
         if link not in ours:
             raise InputError(

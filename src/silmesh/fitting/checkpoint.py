@@ -36,7 +36,10 @@ class Checkpoint:
             kept = torch.load(self._path, weights_only=True)
         except Exception:  # of whatever kind: a file that is of no use is as none
             return None
-        return kept["state"] if kept.get("digest") == self._digest else None
+        if not isinstance(kept, dict) or kept.get("digest") != self._digest:
+            return None
+        state = kept.get("state")
+        return state if isinstance(state, dict) else None
 
     def offer(self, state: Callable[[], dict]) -> None:
         """Write the state, which is only then asked for, if it is time to."""

@@ -77,10 +77,7 @@ def run(
     Raises:
         InputError: it meets such numbers although its steps were halved again and again
     """
-    records: list[Record] = []
-    if checkpoint and (kept := checkpoint.read()):
-        fit.restore(kept["fit"])
-        records = [Record(*row) for row in kept["records"]]
+    records = _go_on(fit, checkpoint)
     start = time.perf_counter() - (records[-1].seconds if records else 0)
     good = here = fit.state()
     while not fit.done:
@@ -97,6 +94,19 @@ def run(
         if checkpoint:
             checkpoint.offer(partial(_gather, here, records))
     return records
+
+
+def _go_on(fit: Procedure, checkpoint: Checkpoint | None) -> list[Record]:
+    """Take up a checkpoint: its records; none if there is none, or one that is of no use."""
+    if not checkpoint or not (kept := checkpoint.read()):
+        return []
+    fresh = fit.state()
+    try:
+        fit.restore(kept["fit"])
+        return [Record(*row) for row in kept["records"]]
+    except Exception:  # of whatever kind: what lacks a part is as none
+        fit.restore(fresh)
+        return []
 
 
 def _gather(state: dict, records: list[Record]) -> dict:

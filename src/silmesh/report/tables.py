@@ -5,9 +5,10 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
-from silmesh.errors import InputError
+from silmesh.errors import InputError, cut, reading
 
 Run = tuple[str, str]  # object and variant
 PUBLISHED = ("object", "variant", "iteration", "loss")
@@ -29,15 +30,23 @@ def read_published(file: Path) -> dict[Run, pd.DataFrame]:
     Raises:
         InputError: it cannot be read, or lacks a column
     """
-    try:
+    with reading(file, "a table"):
         table = pd.read_csv(file, dtype={"object": str, "variant": str})
-    except (OSError, ValueError) as error:
-        raise InputError(f"{file}: cannot be read as a table: {error}") from error
     lacking = [column for column in PUBLISHED if column not in table]
     if lacking:
         raise InputError(f"{file}: lacks {', '.join(lacking)}; should have {', '.join(PUBLISHED)}")
+    for column in ("iteration", "loss"):
+        table[column] = _to_numbers(table[column], f"{file}: column {column!r}")
     curves = table.groupby(["object", "variant"], sort=False)
     return {run: rows[["iteration", "loss"]].reset_index(drop=True) for run, rows in curves}
+
+
+def _to_numbers(column: pd.Series, where: str) -> pd.Series:
+    """A column of which every cell is a finite number."""
+    given = pd.to_numeric(column, errors="coerce")
+    if len(wrong := column[~np.isfinite(given)]):
+        raise InputError(f"{where}: should be numbers, not {cut(str(wrong.iloc[0]), 80)!r}")
+    return given
 
 
 def gather_losses(losses: Mapping[Run, pd.DataFrame]) -> pd.DataFrame:

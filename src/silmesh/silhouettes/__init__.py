@@ -95,7 +95,7 @@ def write_silhouettes(
             encode(silhouette).save(part / f"{view.view}.png")
             progress(done)
         if lost:
-            (part / LOST).write_text(json.dumps(lost, indent=1) + "\n")
+            (part / LOST).write_text(json.dumps(lost, indent=1) + "\n", encoding="utf-8")
     return refused
 
 
@@ -153,7 +153,7 @@ def read_silhouettes(folder: Path, views: Sequence[str]) -> np.ndarray:
 def read_lost(folder: Path) -> Mapping[str, str]:
     """The views of which something could not be read, and what."""
     file = folder / LOST
-    return json.loads(file.read_text()) if file.exists() else {}
+    return json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
 
 
 def _decode(path: Path) -> np.ndarray:

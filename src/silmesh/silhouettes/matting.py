@@ -8,17 +8,21 @@ cut at one half. One photograph is in memory at a time, a JPEG no larger than th
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from PIL import Image
 
-from silmesh.errors import InputError
+from silmesh.errors import InputError, explain, reading, shorten
 from silmesh.silhouettes.weights import find_weights
 from silmesh.views import View, read_photograph
 
 if TYPE_CHECKING:
     from onnxruntime import InferenceSession
+
+
+FLOAT = "tensor(float)"  # as onnxruntime calls it
+WIDEST = 4096  # pixels of what a model looks at
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,7 @@ def find_alphas(views: Sequence[View], settings: Settings) -> Iterator[Image.Ima
     taken = session.get_inputs()[0]
     for view in views:
         shown = _show(view, taken.shape[2:])
-        alpha = session.run([session.get_outputs()[0].name], {taken.name: shown})[0][0, 0]
+        alpha = _ask(session, settings.model, shown)
         yield Image.fromarray((255 * alpha.clip(0, 1)).round().astype(np.uint8))
 
 
@@ -70,20 +74,43 @@ def open_model(weights: Path, threads: int) -> "InferenceSession":
     options.log_severity_level = 4
     try:
         session = onnxruntime.InferenceSession(weights, options, providers=["CPUExecutionProvider"])
+        taken = [(part.type, part.shape) for part in session.get_inputs()]
+        given = [(part.type, part.shape) for part in session.get_outputs()]
     except Exception as error:  # its own classes share no other base
         raise InputError(
-            f"{weights}: cannot be loaded as an ONNX model; it may be truncated: {error}"
+            f"{weights}: cannot be loaded as an ONNX model; it may be truncated: {explain(error)}"
         ) from error
-    (taken, *others), given = session.get_inputs(), session.get_outputs()[0]
-    shape = taken.shape
-    whole = len(shape) == 4 and all(isinstance(side, int) and side > 0 for side in shape[2:])
-    if others or not whole or shape[1] != 3 or given.shape[1:] != [1, *shape[2:]]:
+    if not _suits(taken, given):
         raise InputError(
-            f"{weights}: is a model of another kind: it takes {shape} and gives {given.shape}; "
-            "should take one image of [1, 3, height, width], of a fixed size, and give its alpha "
-            "of [1, 1, height, width]"
+            f"{weights}: is a model of another kind: it takes {shorten(taken)} and gives "
+            f"{shorten(given)}; should take one image of [1, 3, height, width] in float, of a "
+            "fixed size, and give its alpha of [1, 1, height, width]"
         )
     return session
+
+
+def _suits(taken: Sequence[tuple[str, Any]], given: Sequence[tuple[str, Any]]) -> bool:
+    """Whether a model's inputs and outputs, types and shapes, are those of a foreground model."""
+    if len(taken) != 1 or not given or {taken[0][0], given[0][0]} != {FLOAT}:
+        return False
+    shape = taken[0][1]
+    if len(shape) != 4 or shape[1] != 3:
+        return False
+    fixed = all(isinstance(side, int) and 0 < side <= WIDEST for side in shape[2:])
+    return fixed and given[0][1][1:] == [1, *shape[2:]]
+
+
+def _ask(session: "InferenceSession", model: str, shown: np.ndarray) -> np.ndarray:
+    """Alpha [height, width] of a photograph [1, 3, height, width]."""
+    taken, given = session.get_inputs()[0].name, session.get_outputs()[0].name
+    with reading(model, "a foreground model"):
+        alpha = session.run([given], {taken: shown})[0]
+    if alpha.shape != (1, 1, *shown.shape[2:]) or not np.isfinite(alpha).all():
+        raise InputError(
+            f"{model}: gives {list(alpha.shape)} or what is not finite; should give the alpha of "
+            f"{list(shown.shape[2:])} pixels"
+        )
+    return alpha[0, 0]
 
 
 def _import_onnxruntime():

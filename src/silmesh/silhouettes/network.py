@@ -6,6 +6,8 @@ how large the longer side of the photographs was, and the parameters by torchvis
 of parameters alone, as torchvision downloads them, is read too.
 """
 
+import math
+import zipfile
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
@@ -15,12 +17,13 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from silmesh.errors import InputError
+from silmesh.errors import WORDS, InputError, cut, shorten
 from silmesh.files import replacing
 from silmesh.silhouettes.torchvision_import import import_segmentation
 
 MODELS = ("mobilenet_v3_large", "resnet50", "resnet101")
 MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)  # ImageNet's, which torchvision takes
+SIZES = (16, 8192)  # pixels that a network may be made for
 SIZE = 520  # pixels, to which torchvision's own transforms resize
 STRIDE = 16  # pixels of the photograph to one of the features
 COUNTED = "classifier.4.weight"  # has a row for each class
@@ -174,6 +177,7 @@ def _enumeration(segmentation: Any, model: str) -> str:
 
 
 def _read(path: Path) -> Mapping[str, Any]:
+    _refuse_packed(path)
     try:
         held = torch.load(path, map_location="cpu", weights_only=True)
     except FileNotFoundError as error:
@@ -191,8 +195,10 @@ def _read(path: Path) -> Mapping[str, Any]:
 def _fit_to_model(held: Mapping[str, Any], path: Path, model: str) -> Weights:
     """Check what a file holds against the network that it should be for."""
     ours = {field.name for field in fields(Weights)} <= set(held)
-    state = _main_part(held["state"] if ours else held)
-    if COUNTED not in state:
+    if ours:
+        _refuse_wrong(held, path)
+    state = _main_part(_tensors(held["state"] if ours else held, path))
+    if COUNTED not in state or not state[COUNTED].ndim:
         raise InputError(
             f"{path}: holds no weights of DeepLabv3 ({COUNTED} is missing); should be a file that "
             "`bin/run train` or torchvision made for it"
@@ -206,7 +212,54 @@ def _fit_to_model(held: Mapping[str, Any], path: Path, model: str) -> Weights:
         )
     if not ours:
         return Weights(model, tuple(map(str, range(count))), MEAN, STD, SIZE, state)
-    return Weights(**{**held, "classes": tuple(held["classes"]), "state": state})
+    own = {field.name: held[field.name] for field in fields(Weights)}
+    return Weights(**{**own, "classes": tuple(held["classes"]), "state": state})
+
+
+def _refuse_packed(path: Path) -> None:
+    """Refuse an archive that unpacks to more than it is: torch's are not compressed."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            unpacked = sum(info.file_size for info in archive.infolist())
+    except Exception:  # an older format, or damaged, which torch will say
+        return
+    if unpacked > path.stat().st_size:
+        raise InputError(
+            f"{path}: its {path.stat().st_size:,} bytes unpack to {unpacked:,}; should be a file "
+            "that `bin/run train` or torchvision made"
+        )
+
+
+def _refuse_wrong(held: Mapping[str, Any], path: Path) -> None:
+    """Refuse what stands beside the parameters if it is of another kind."""
+    mean, std = held["mean"], held["std"]
+    sound = (
+        isinstance(held["classes"], list | tuple)
+        and all(isinstance(name, str) for name in held["classes"])
+        and isinstance(held["size"], int)
+        and SIZES[0] <= held["size"] <= SIZES[1]
+        and all(isinstance(part, list | tuple) and len(part) == 3 for part in (mean, std))
+        and all(isinstance(v, float | int) and math.isfinite(v) for v in (*mean, *std))
+        and min(std) > 0
+    )
+    if not sound:
+        raise InputError(
+            f"{path}: its classes, mean, std or size is of another kind: "
+            f"{shorten([held[name] for name in ('classes', 'mean', 'std', 'size')])}; should be a "
+            "file that `bin/run train` made"
+        )
+
+
+def _tensors(state: Any, path: Path) -> Mapping[str, Tensor]:
+    """Parameters by their names, each a tensor of numbers."""
+    if not isinstance(state, Mapping) or not all(
+        isinstance(name, str) and isinstance(value, Tensor) for name, value in state.items()
+    ):
+        raise InputError(f"{path}: holds something else than parameters by their names")
+    for name, value in state.items():
+        if value.layout != torch.strided or value.is_quantized or value.is_complex():
+            raise InputError(f"{path}: {cut(name, 80)}: is no plain tensor of real numbers")
+    return state
 
 
 def _suits(state: Mapping[str, Tensor], model: str, classes: int) -> bool:
@@ -221,4 +274,4 @@ def _main_part(state: Mapping[str, Tensor]) -> dict[str, Tensor]:
 
 
 def _in_short(error: Exception) -> str:
-    return (str(error) or type(error).__name__).splitlines()[0].split(". ")[0]
+    return cut((str(error).strip() or type(error).__name__).splitlines()[0].split(". ")[0], WORDS)

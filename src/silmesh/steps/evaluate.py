@@ -75,15 +75,15 @@ def main(argv: Sequence[str] | None = None) -> None:
         "warnings": scene["warnings"],
     }
     if given.first:
-        metrics["first"] = json.loads(given.first.read_text())
+        metrics["first"] = json.loads(given.first.read_text(encoding="utf-8"))
     metrics["iou"] = dict(zip(cameras.views, iou.tolist(), strict=True))
     with replacing(given.output) as part:
-        part.write_text(json.dumps(metrics, indent=1) + "\n")
+        part.write_text(json.dumps(metrics, indent=1) + "\n", encoding="utf-8")
 
 
 def _read_last(path: Path) -> dict[str, str]:
     """The last row of a table, which has one."""
-    with path.open(newline="") as file:
+    with path.open(encoding="utf-8", newline="") as file:
         *_, last = csv.DictReader(file)
     return last
 

@@ -64,7 +64,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     with replacing(given.output) as part:
         first.mesh.export(part)
     with replacing(given.report) as part:
-        part.write_text(json.dumps(first.told, indent=1) + "\n")
+        part.write_text(json.dumps(first.told, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

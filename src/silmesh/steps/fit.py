@@ -44,8 +44,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     seen = cameras.select(kept), silhouettes.to(device, torch.float32)
     parts = template, faces, *seen, settings, _weights([counts[i] for i in kept], device)
     checkpoint = given.checkpoint and Checkpoint(given.checkpoint, (*parts, given.code))
-    if checkpoint and checkpoint.read():
-        print(f"{given.name}: goes on from {given.checkpoint}")
+    if checkpoint and given.checkpoint.exists():
+        useful = checkpoint.read()
+        print(
+            f"{given.name}: goes on from {given.checkpoint}"
+            if useful
+            else f"{given.name}: begins anew: {given.checkpoint} has no state of this fit"
+        )
     progress = Progress(f"fit {given.name}", settings.iterations)
     with blaming(given.name):
         fit = procedure(*parts)

@@ -37,7 +37,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         Shot(view, given.views / f"{view}.png", None, None, LOST, why) for view, why in lost.items()
     ]
     with replacing(given.output) as part:
-        part.write_text(json.dumps(describe_gallery(shots)) + "\n")
+        part.write_text(json.dumps(describe_gallery(shots)) + "\n", encoding="utf-8")
 
 
 def _read(row: Mapping[str, str], scene: Path, judged: Path) -> Shot:

@@ -49,7 +49,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     first = read_mesh(given.first)
     exhibit = describe_exhibit(mesh, colours, first, cameras, similarity, given.sigma)
     with replacing(given.exhibit) as part:
-        part.write_text(json.dumps(exhibit) + "\n")
+        part.write_text(json.dumps(exhibit) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

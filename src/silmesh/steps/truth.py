@@ -10,7 +10,7 @@ from silmesh.steps.command import output_file, parser, run
 def main(argv: Sequence[str] | None = None) -> None:
     """Parse, load, call, save."""
     args = parser(__doc__)
-    args.add_argument("--mesh", type=Path, required=True, help="in any format that trimesh reads")
+    args.add_argument("--mesh", type=Path, required=True, help=".ply, .obj, .glb, .stl or .off")
     args.add_argument("--output", type=output_file, required=True, help="PLY to write")
     given = args.parse_args(argv)
     mesh = read_mesh(given.mesh)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from silmesh.progress import share_of
 from silmesh.steps.command import output_folder, parser, run
-from silmesh.views import count_frames, write_views
+from silmesh.views import count_frames, describe_shapes, write_views
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -27,6 +27,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     for view in views:
         if view.unreadable:
             print(f"silmesh: {view.unreadable}; the view is dropped", file=sys.stderr)
+    shapes = [(view.width, view.height) for view in views if not view.unreadable]
+    if said := describe_shapes(shapes):
+        print(f"silmesh: {said}", file=sys.stderr)
     for image in given.images:
         if (frames := count_frames(image)) > 1:
             print(f"silmesh: {image}: has {frames} frames; the first is taken", file=sys.stderr)

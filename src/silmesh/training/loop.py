@@ -230,10 +230,14 @@ class Training:
         """Go on from a checkpoint if there is one of the same material."""
         if not path.exists():
             return False
-        held: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
+        try:
+            held: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
+            rows = [Epoch(**row) for row in held["rows"]]
+        except Exception:  # of whatever kind: a file that is of no use is as none
+            return False
         if held["material"] != material:
             return False
-        self.rows = [Epoch(**row) for row in held["rows"]]
+        self.rows = rows
         self.begun = Begun(**held["begun"])
         self.best = held["best"]
         self.network.load_state_dict(held["network"])

@@ -226,6 +226,7 @@ def test_a_truncated_model(made, tmp_path, name, cut):
         ("cameras.txt", "700 690 331 228\n", "700 -690 331 228\n", "should be positive: a negat"),
         ("images.txt", " 2 left/shot_2.png", " 7 left/shot_2.png", "has camera 7, which the model"),
         ("images.txt", "left/shot_1.png", "", "an image should be IMAGE_ID QW"),
+        ("images.txt", " 2 left/shot_2.png", " x left/shot_2.png", "CAMERA_ID should be a number"),
     ],
 )
 def test_a_wrong_model_is_named(made, tmp_path, file, old, new, message):
@@ -292,3 +293,29 @@ def test_a_skew_cannot_be_written(tmp_path):
     with pytest.raises(InputError, match="view 'shot_10': its K has a skew of 20, which moves"):
         colmap.write(tmp_path / "model", skewed, {view: view for view in given.views})
     assert not (tmp_path / "model").exists()
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("1 PINHOLE 640 480", "a camera should be CAMERA_ID MODEL WIDTH HEIGHT PARAMS"),
+        ("1", "a camera should be CAMERA_ID MODEL WIDTH HEIGHT PARAMS"),
+        ("1 PINHOLE 640 480 700", "PINHOLE has 1 parameters, which are too few"),
+        ("x PINHOLE 640 480 7 7 3 2", "CAMERA_ID should be a number, not 'x'"),
+        ("1" * 5000 + " PINHOLE 640 480 7 7 3 2", "CAMERA_ID should be a number, not '1111"),
+        ("1 PINHOLE 0 480 7 7 3 2", "should be whole numbers from 1 to 1,000,000, not 0 and 480"),
+        ("1 PINHOLE 640 -480 7 7 3 2", "should be whole numbers from 1 to"),
+        ("1 PINHOLE 640.5 480 7 7 3 2", "should be whole numbers from 1 to"),
+        ("1 PINHOLE nan 480 7 7 3 2", "width and height: should be finite numbers"),
+        ("1 PINHOLE 1e9 480 7 7 3 2", "should be whole numbers from 1 to"),
+        ("2 PINHOLE 640 480 7 7 3 2", "has camera 2 twice"),
+    ],
+)
+def test_a_wrong_camera_is_named(made, tmp_path, row, message):
+    made.write_text(tmp_path)
+    rows = (tmp_path / "cameras.txt").read_text().splitlines()
+    rows = [row, *(r for r in rows if not r.startswith("1 "))]
+    (tmp_path / "cameras.txt").write_text("\n".join(rows) + "\n")
+    with pytest.raises(InputError, match=message) as error:
+        attempt_from_file(tmp_path, views())
+    assert len(str(error.value)) < 1000

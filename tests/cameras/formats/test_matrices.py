@@ -1,12 +1,15 @@
 """Projection matrices: text files, .mat, .npz, and how one comes apart; Middlebury's _par.txt."""
 
+import io
+import zipfile
+
 import numpy as np
 import pytest
 import torch
 from scipy.io import savemat
 from shots import HEIGHT, NAMES, POINTS, WIDTH, assert_seen, by_definition, cameras, views
 
-from silmesh.cameras.formats import attempt_from_file
+from silmesh.cameras.formats import attempt_from_file, mat
 from silmesh.cameras.formats.projection import decompose
 from silmesh.errors import InputError
 
@@ -205,3 +208,109 @@ def test_a_wrong_npz_file_is_named(tmp_path):
     (tmp_path / "a.npz").write_bytes(data[: len(data) // 2])
     with pytest.raises(InputError, match=r"cannot be read as an .npz file"):
         attempt_from_file(tmp_path / "a.npz", views())
+
+
+def test_a_mat_file_is_read_however_it_is_stored(tmp_path):
+    """Compressed, after other variables, as whole numbers."""
+    cells = np.empty((4, 1), object)
+    for i in range(4):
+        cells[i, 0] = np.round(P[i])
+    others = {"text": "abc", "first": np.eye(30), "s": {"a": 1}}
+    savemat(tmp_path / "a.mat", others | {"P": cells}, do_compression=True)
+    expected = attempt_from_file(tmp_path / "a.mat", views()).cameras
+    savemat(tmp_path / "b.mat", {"P": np.moveaxis(np.round(P), 0, 2).astype(np.int32)})
+    found = attempt_from_file(tmp_path / "b.mat", views()).cameras
+    torch.testing.assert_close(found.projections, expected.projections)
+    np.testing.assert_allclose(np.stack(mat._read_matrices(tmp_path / "a.mat")), np.round(P))
+
+
+def test_a_mat_file_of_version_7_3_is_named(tmp_path):
+    (tmp_path / "a.mat").write_bytes(b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n\x1a\n")
+    with pytest.raises(InputError, match=r"version 7\.3, which cannot be read; save it again in"):
+        attempt_from_file(tmp_path / "a.mat", views())
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_a_damaged_mat_file_is_refused(tmp_path, packed):
+    """SciPy's reader ends the process over some of these."""
+    savemat(tmp_path / "a.mat", {"P": np.moveaxis(P, 0, 2)}, do_compression=packed)
+    data = (tmp_path / "a.mat").read_bytes()
+    rng = np.random.default_rng(0)
+    refused = 0
+    for i in range(300):
+        changed = bytearray(data)
+        changed[128 + i % (len(data) - 128)] ^= int(rng.integers(1, 256))
+        (tmp_path / "a.mat").write_bytes(changed)
+        try:
+            mat.read(tmp_path / "a.mat")
+        except InputError as error:
+            refused += str(error).startswith(f"{tmp_path / 'a.mat'}: ")
+    assert refused > 50
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ("text", r"not \[1, 4\] of char"),
+        (P[0] * 1j, r"not \[3, 4\] of double complex"),
+        ({"a": 1}, r"not \[1, 1\] of struct"),
+        (np.empty((1, 0), object), "P is empty"),
+        (np.array([[P[0], "x"]], object), r"holds one \[1, 1\] of char"),
+    ],
+)
+def test_a_mat_file_of_other_values_is_named(tmp_path, value, message):
+    savemat(tmp_path / "a.mat", {"P": value})
+    with pytest.raises(InputError, match=message):
+        attempt_from_file(tmp_path / "a.mat", views())
+
+
+def test_of_an_npz_only_matrices_are_unpacked(tmp_path):
+    """A gigabyte of zeros behind a megabyte: what is not needed stays packed."""
+    with zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+        with archive.open("scale_mat_0.npy", "w") as member:
+            for _ in range(1 << 6):
+                member.write(bytes(1 << 20))
+        for i in range(4):
+            packed = io.BytesIO()
+            np.save(packed, P[i])
+            archive.writestr(f"world_mat_{i}.npy", packed.getvalue())
+    assert len(attempt_from_file(tmp_path / "a.npz", views()).cameras) == 4
+
+
+@pytest.mark.parametrize("shape", [(1 << 24,), (1 << 20, 1 << 20), (10**30,)])
+def test_a_large_member_of_an_npz_is_refused(tmp_path, shape):
+    header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}"
+    head = b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode()
+    with zipfile.ZipFile(tmp_path / "a.npz", "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("world_mat_0.npy", head + bytes(8 * (1 << 24 if len(shape) == 1 else 4)))
+    with pytest.raises(InputError, match=r"a\.npz: cannot be read as an .npz file: "):
+        attempt_from_file(tmp_path / "a.npz", views())
+
+
+def test_python_objects_of_an_npz_are_not_made(tmp_path):
+    np.savez(tmp_path / "a.npz", world_mat_0=np.array([[{}]], object))
+    with pytest.raises(InputError, match="allow_pickle=False"):
+        attempt_from_file(tmp_path / "a.npz", views())
+
+
+@pytest.mark.parametrize(
+    ("matrix", "message"),
+    [
+        (P[1] * 1e200, r"the matrix should be finite numbers up to 1e\+15"),
+        (P[1] * 1e-200, "has no inverse"),
+        (np.diag([1e9, 1, 1]) @ P[1], "its focal lengths, 7.*e.11 and 690, should be between"),
+    ],
+)
+def test_numbers_beyond_all_sense_are_refused(tmp_path, matrix, message):
+    folder = write_texts(tmp_path / "p", P)
+    np.savetxt(folder / "shot_2.txt", matrix)
+    with pytest.raises(InputError, match=message) as error:
+        attempt_from_file(folder, views())
+    assert str(folder) in str(error.value)
+
+
+@pytest.mark.parametrize("first", ["4" * 5000, "²", "4 4", ""])
+def test_a_wrong_count_of_middlebury(tmp_path, first):
+    (tmp_path / "a_par.txt").write_text(f"{first}\nx 1 2 3\n")
+    with pytest.raises(InputError, match=r"a_par\.txt: should begin with a line that says how"):
+        attempt_from_file(tmp_path / "a_par.txt", views())

@@ -156,6 +156,20 @@ def test_a_view_without_a_pose_is_dropped(tmp_path):
         (sfm(isPoseIndependant="false"), "view shot_1.JPG: is part of a rig"),
         (sfm(intrinsicId="13"), "its intrinsics 13 are not in the file"),
         (sfm() | {"views": "x"}, "should hold a list of objects with 'viewId'"),
+        (sfm(poseId=[]), "none of its 4 views has a pose"),
+        (sfm(poseId={"a": 1}), "none of its 4 views has a pose"),
+        (sfm(intrinsicId=["12"]), "its intrinsics .* are not in the file"),
+        (sfm(viewId=[]), "each 'viewId' should be a name or a number of its own"),
+        (sfm(lens={"width": 0}), "width and height should be whole numbers from 1 to"),
+        (sfm(lens={"height": "1e99"}), "width and height: should be numbers up to"),
+        (sfm(lens={"sensorWidth": 0}), "sensorWidth and pixelRatio should be above 0, not 0 and"),
+        (sfm(lens={"distortionParams": {"a": 1}}), "distortionParams should be a list"),
+        (sfm(lens={"focalLength": [1, 2]}), "focalLength: should be finite numbers of shape"),
+        (sfm() | {"poses": [{"poseId": "40"}]}, "should have an object 'pose', not None"),
+        (
+            sfm() | {"poses": [{"poseId": "40", "pose": {"transform": []}}]},
+            r"should have an object 'transform', not \[\]",
+        ),
     ],
 )
 def test_a_wrong_file_is_named(tmp_path, content, message):

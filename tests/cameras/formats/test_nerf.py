@@ -101,6 +101,14 @@ def test_photographs_that_were_scaled_since(tmp_path):
         ),
         ({"fl_x": 700}, {"transform_matrix": [[1, 2], [3, 4]]}, "transform_matrix: should be fin"),
         ({"fl_x": 700}, {"transform_matrix": None}, "transform_matrix: should be"),
+        ({"fl_x": 700, "w": 0, "h": 480}, {}, "width and height should be whole numbers from 1"),
+        ({"fl_x": 700, "w": -640, "h": 480}, {}, "width and height should be whole numbers from"),
+        ({"fl_x": 700, "w": [640], "h": 480}, {}, "width and height: should be numbers"),
+        ({"fl_x": 0}, {}, "should have fl_x, or camera_angle_x between 0 and pi, not 0"),
+        ({"camera_angle_x": 1e-320}, {}, "should have fl_x, or camera_angle_x between 0 and pi"),
+        ({"fl_x": 10**400}, {}, "fl_x: should be numbers"),
+        ({"fl_x": 1e200}, {}, "fl_x: should be numbers up to"),
+        ({"fl_x": {}}, {}, "fl_x: should be numbers"),
     ],
 )
 def test_a_wrong_file_is_named(tmp_path, shared, frame, message):

@@ -15,7 +15,7 @@ from silmesh.cameras.attempt import (
     WORLD_TO_CAMERA,
     Attempt,
 )
-from silmesh.cameras.camera import Cameras, read_cameras
+from silmesh.cameras.camera import LARGEST, Cameras, read_cameras
 from silmesh.cameras.formats import (
     bundler,
     colmap,
@@ -34,7 +34,7 @@ from silmesh.cameras.formats.parts import read_json
 from silmesh.cameras.locate import Located, locate
 from silmesh.cameras.turntable import softras_cameras
 from silmesh.cameras.unread import recognise_json
-from silmesh.errors import InputError
+from silmesh.errors import InputError, reading, shorten
 from silmesh.views import View
 
 Worlds = Cameras | Mapping[str, Cameras]  # of parts of a scene that nothing joins: by their names
@@ -90,6 +90,7 @@ FORMATS = {
     "softras": Format("SoftRas's camera.npy", _read_softras, Rules(by_order=True, working=True)),
 }
 
+FOCAL = (1e-3, 1e9)  # pixels: a lens that sees anything has a focal length between these
 WRITERS = {"colmap": colmap.write, "transforms": nerf.write}
 
 
@@ -126,9 +127,12 @@ def attempt_from_file(path: Path, views: Sequence[View]) -> Attempt:
             views
     """
     format_, located = recognise(path)
-    worlds = format_.read(located.path, views)
-    if isinstance(worlds, Cameras):
-        worlds = {located.path.name: worlds}
+    with reading(located.path, format_.name):
+        worlds = format_.read(located.path, views)
+        if isinstance(worlds, Cameras):
+            worlds = {located.path.name: worlds}
+        for cameras in worlds.values():
+            _refuse_extreme(located.path, cameras)
     cameras, told = choose_world(located.path, worlds, views)
     attempt = match(located.path, cameras, views, format_.rules)
     figures = {
@@ -138,3 +142,19 @@ def attempt_from_file(path: Path, views: Sequence[View]) -> Attempt:
         "written": format_.written,
     }
     return replace(attempt, figures=figures, warnings=(*told, *attempt.warnings))
+
+
+def _refuse_extreme(path: Path, cameras: Cameras) -> None:
+    """Refuse numbers that no camera has, with which nothing can be computed."""
+    for name, K, t in zip(cameras.views, cameras.K, cameras.t, strict=True):
+        where = f"{path}: camera {shorten(name)}"
+        if not (FOCAL[0] < K[0, 0] < FOCAL[1] and FOCAL[0] < K[1, 1] < FOCAL[1]):
+            raise InputError(
+                f"{where}: its focal lengths, {K[0, 0]:g} and {K[1, 1]:g}, should be between "
+                f"{FOCAL[0]:g} and {FOCAL[1]:g} pixels"
+            )
+        if not (K.abs().max() < LARGEST and t.abs().max() < LARGEST):
+            raise InputError(
+                f"{where}: K and t should be numbers up to {LARGEST:g}, not "
+                f"{shorten(K.tolist())} and {shorten(t.tolist())}"
+            )

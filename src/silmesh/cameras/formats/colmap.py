@@ -21,12 +21,13 @@ from silmesh.cameras.formats.parts import (
     gather,
     intrinsics,
     numbers,
+    pixels,
     read_lines,
     refuse_skew,
 )
 from silmesh.cameras.lens import CURVED, PLAIN, Lens, lens_of
 from silmesh.cameras.locate import find_models, model_files
-from silmesh.errors import InputError, blaming
+from silmesh.errors import InputError, blaming, cut, shorten
 from silmesh.files import replacing, try_file
 
 MODELS = {  # by their number in a binary model
@@ -64,6 +65,7 @@ WIDER = {  # with two focal lengths, as images that were stretched need
 }
 NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"
 UNIT = 1e-3  # by which a quaternion's length may differ from 1
+SMALLEST = 1e-6  # norm of a quaternion, which should be 1
 OURS = b"written by silmesh"
 HEADER = f"# {{}}, {OURS.decode()}; pixel centres lie at integer + 0.5\n"
 Intrinsics = tuple[tuple[int, int], np.ndarray, Lens | None]  # size, K, lens
@@ -108,22 +110,40 @@ def _read_model(folder: Path) -> Cameras:
     """A binary model goes before a text one."""
     camera_file, image_file = model_files(folder)
     if camera_file.suffix == ".bin":
-        cameras, images = dict(_cameras_binary(camera_file)), list(_images_binary(image_file))
+        cameras = _by_number(_cameras_binary(camera_file), folder)
+        images = list(_images_binary(image_file))
     else:
-        cameras, images = dict(_cameras_text(camera_file)), list(_images_text(image_file))
+        cameras = _by_number(_cameras_text(camera_file), folder)
+        images = list(_images_text(image_file))
     if not images:
         raise InputError(f"{folder}: the model has no image; no photograph was registered")
     return gather([_join(folder, cameras, *image) for image in images])
 
 
+def _by_number(cameras: Iterator[tuple[int, Intrinsics]], folder: Path) -> dict[int, Intrinsics]:
+    found: dict[int, Intrinsics] = {}
+    for number, camera in cameras:
+        if number in found:
+            raise InputError(f"{folder}: has camera {number} twice")
+        found[number] = camera
+    return found
+
+
+def _to_number(word: str, where: str) -> int:
+    """A camera's number from a text."""
+    if not (word.isascii() and word.isdecimal() and len(word) < 20):
+        raise InputError(f"{where}: CAMERA_ID should be a number, not {shorten(word)}")
+    return int(word)
+
+
 def _join(
     folder: Path, cameras: Mapping[int, Intrinsics], number: int, pose: np.ndarray, name: str
 ) -> Camera:
-    where = f"{folder}: image {name}"
+    where = f"{folder}: image {cut(name, 80)}"
     if number not in cameras:
         raise InputError(f"{where}: has camera {number}, which the model does not hold")
     numbers(pose, (7,), f"{where}: its pose")
-    if not np.linalg.norm(pose[:4]) > 0:
+    if not np.linalg.norm(pose[:4]) > SMALLEST:
         raise InputError(f"{where}: its quaternion is zero")
     size, K, lens = cameras[number]
     R = Rotation.from_quat(pose[:4], scalar_first=True).as_matrix()
@@ -136,11 +156,17 @@ def _rows(path: Path) -> list[str]:
 
 def _cameras_text(path: Path) -> Iterator[tuple[int, Intrinsics]]:
     for row in filter(None, _rows(path)):
-        number, model, *values = row.split()
-        where = f"{path}: camera {number}"
+        words = row.split()
+        if len(words) < 5:
+            raise InputError(
+                f"{path}: a camera should be CAMERA_ID MODEL WIDTH HEIGHT PARAMS[], not "
+                f"{shorten(row)}"
+            )
+        number, model, width, height, *values = words
+        where = f"{path}: camera {cut(number, 20)}"
+        size = pixels(width, height, where)
         values = numbers(values, (len(values),), where).tolist()
-        K, lens = split(model, values[2:], where)
-        yield int(number), ((int(values[0]), int(values[1])), K, lens)
+        yield _to_number(number, where), (size, *split(model, values, where))
 
 
 def _images_text(path: Path) -> Iterator[tuple[int, np.ndarray, str]]:
@@ -198,8 +224,9 @@ def _parse_image(row: str, path: Path, as_points: bool) -> tuple[int, np.ndarray
             f"{path}: an image should be IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, with a "
             f"line of its points or an empty one after it, not {row[:80]!r}"
         )
-    pose = numbers(parts[1:8], (7,), f"{path}: image {parts[9]}")
-    return int(parts[8]), pose, parts[9]
+    where = f"{path}: image {cut(parts[9], 80)}"
+    pose = numbers(parts[1:8], (7,), where)
+    return _to_number(parts[8], where), pose, parts[9]
 
 
 class _Bytes:
@@ -252,7 +279,7 @@ def _cameras_binary(path: Path) -> Iterator[tuple[int, Intrinsics]]:
         model = MODELS[kind]
         count = len(CURVED.get(model, ())) + (3 if model in ONE_FOCAL else 4)
         K, lens = split(model, list(file.take(f"{count}d")), where)
-        yield number, ((width, height), K, lens)
+        yield number, (pixels(width, height, where), K, lens)
 
 
 def _images_binary(path: Path) -> Iterator[tuple[int, np.ndarray, str]]:

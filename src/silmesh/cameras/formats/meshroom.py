@@ -18,18 +18,19 @@ from typing import Any
 
 import numpy as np
 
-from silmesh.cameras.camera import Cameras
+from silmesh.cameras.camera import Cameras, refuse_many
 from silmesh.cameras.formats.parts import (
     Camera,
     gather,
     intrinsics,
     nearest_rotation,
     numbers,
+    pixels,
     read_json,
     to_half,
 )
 from silmesh.cameras.lens import Lens, lens_of
-from silmesh.errors import InputError, blaming
+from silmesh.errors import InputError, blaming, cut, shorten
 
 Version = tuple[int, ...]
 Row = Mapping[str, Any]
@@ -59,14 +60,14 @@ def read(path: Path) -> Cameras:
     version = _parse_version(content.get("version"), path)
     lenses = _by_id(content["intrinsics"], "intrinsicId", path)
     poses = _by_id(content.get("poses") or [], "poseId", path)
-    views = [
-        v for v in _by_id(content["views"], "viewId", path).values() if v.get("poseId") in poses
-    ]
+    views = _by_id(content["views"], "viewId", path).values()
+    views = [view for view in views if _id(view, "poseId") in poses]
     if not views:
         raise InputError(
             f"{path}: none of its {len(content['views'])} views has a pose; should be the "
             "cameras.sfm that Meshroom's StructureFromMotion leaves"
         )
+    refuse_many(path, len(views))
     return gather([_parse(view, lenses, poses, version, path) for view in views])
 
 
@@ -78,33 +79,49 @@ def _parse_version(value: Any, path: Path) -> Version:
 def _by_id(rows: Any, key: str, path: Path) -> dict[str, Row]:
     if not isinstance(rows, list) or not all(isinstance(row, dict) and key in row for row in rows):
         raise InputError(f"{path}: should hold a list of objects with {key!r}")
-    return {row[key]: row for row in rows}
+    by_id = {_id(row, key): row for row in rows}
+    if len(by_id) < len(rows):
+        raise InputError(f"{path}: each {key!r} should be a name or a number of its own")
+    return by_id
+
+
+def _id(row: Row, key: str) -> str:
+    """An identifier, which is a string or a number; any other value is found nowhere."""
+    return str(row[key]) if isinstance(row.get(key), str | int) else ""
 
 
 def _parse(
     view: Row, lenses: Mapping[str, Row], poses: Mapping[str, Row], version: Version, path: Path
 ) -> Camera:
     name = str(view.get("path", ""))
-    where = f"{path}: view {PureWindowsPath(name).name}"  # of any system
+    where = f"{path}: view {cut(PureWindowsPath(name).name, 80)}"  # of any system
     if str(view.get("isPoseIndependant", "true")).lower() in ("false", "0"):
         raise InputError(f"{where}: is part of a rig of cameras, which cannot be read")
-    if view.get("intrinsicId") not in lenses:
-        raise InputError(f"{where}: its intrinsics {view.get('intrinsicId')} are not in the file")
-    size, K, lens = _parse_intrinsics(lenses[view["intrinsicId"]], version, where)
-    transform = poses[view["poseId"]].get("pose", {}).get("transform", {})
+    lens = lenses.get(_id(view, "intrinsicId"))
+    if lens is None:
+        raise InputError(
+            f"{where}: its intrinsics {cut(str(view.get('intrinsicId')), 80)} are not in the file"
+        )
+    size, K, lens = _parse_intrinsics(lens, version, where)
+    transform = _within(_within(poses[_id(view, "poseId")], "pose", where), "transform", where)
     rotation = numbers(transform.get("rotation"), (9,), f"{where}: rotation")
     centre = numbers(transform.get("center"), (3,), f"{where}: center")
     R = nearest_rotation(rotation.reshape(3, 3).T, where)
     return Camera(name, size, to_half(K), R, -R @ centre, lens)
 
 
+def _within(row: Row, key: str, where: str) -> Row:
+    """An object within an object."""
+    if not isinstance(inside := row.get(key), dict):
+        raise InputError(f"{where}: should have an object {key!r}, not {shorten(inside)}")
+    return inside
+
+
 def _parse_intrinsics(
     row: Row, version: Version, where: str
 ) -> tuple[tuple[int, int], np.ndarray, Lens | None]:
     """Size, K with pixel centres at integers, lens."""
-    width, height = (
-        int(numbers(row.get(key), (), f"{where}: {key}")) for key in ("width", "height")
-    )
+    width, height = pixels(row.get("width"), row.get("height"), where)
     centre = numbers(row.get("principalPoint"), (2,), f"{where}: principalPoint")
     if version >= (1, 2, 1):
         centre += (width / 2, height / 2)
@@ -115,19 +132,23 @@ def _parse_intrinsics(
     _refuse_strange(row, kind, where)
     if kind not in LENSES:
         raise InputError(
-            f"{where}: the lens {kind!r} cannot be read; known are "
+            f"{where}: the lens {shorten(kind)} cannot be read; known are "
             f"{', '.join(filter(None, LENSES))}. Other ones are undistorted by Meshroom's "
             "ImageProcessing or PrepareDenseScene, whose images and cameras can be read"
         )
     model, places = LENSES[kind]
     values = row.get("distortionParams") or []
+    if not isinstance(values, list):
+        raise InputError(f"{where}: distortionParams should be a list, not {shorten(values)}")
     values = numbers(values, (len(values),), f"{where}: distortionParams").tolist()
     if len(values) <= max((p for p in places if p is not None), default=-1):
         values = [0.0] * 5  # a lens that was never estimated
     with blaming(where):
         lens = lens_of(model, [0.0 if p is None else values[p] for p in places])
     if kind == "radialk3pt":  # scaled to keep the point at radius 1 in its place
-        K = K @ np.diag([1 / (1 + sum(values[:3]))] * 2 + [1])
+        if not (scale := 1 + sum(values[:3])) > 0:
+            raise InputError(f"{where}: a lens of {values[:3]} folds the image over")
+        K = K @ np.diag([1 / scale] * 2 + [1])
     return (width, height), K, lens
 
 
@@ -164,6 +185,10 @@ def _parse_focal(row: Row, width: int, version: Version, where: str) -> tuple[fl
         float(numbers(row.get(key, default), (), f"{where}: {key}"))
         for key, default in (("focalLength", None), ("sensorWidth", 36), ("pixelRatio", 1))
     )
+    if not (sensor > 0 and ratio > 0):
+        raise InputError(
+            f"{where}: sensorWidth and pixelRatio should be above 0, not {sensor:g} and {ratio:g}"
+        )
     focal = length / sensor * width
     if version >= (1, 2, 11):
         return focal / ratio, focal

@@ -4,6 +4,7 @@ P = K [R | t] in pixels whose centres lie at integers from the top left (Seitz e
 taken as any P is: where K has negative focal lengths, other axes of the camera are the same.
 """
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -19,13 +20,13 @@ from silmesh.cameras.formats.parts import (
     to_half,
 )
 from silmesh.cameras.formats.projection import decompose
-from silmesh.errors import InputError
+from silmesh.errors import InputError, cut, shorten
 
 
 def read(path: Path) -> Cameras:
     """Cameras by the names of their images."""
     rows = [line.split() for line in read_lines(path) if line.strip()]
-    if not rows or len(rows[0]) != 1 or not rows[0][0].isdigit():
+    if not rows or len(rows[0]) != 1 or not re.fullmatch("[0-9]{1,9}", rows[0][0]):
         raise InputError(f"{path}: should begin with a line that says how many cameras follow")
     if len(rows) - 1 != int(rows[0][0]):
         raise InputError(
@@ -35,11 +36,10 @@ def read(path: Path) -> Cameras:
 
 
 def _parse(row: list[str], where: str) -> Camera:
-    name = row[0]
-    values = numbers(row[1:], (21,), f"{where} ({name}): K, R and t")
+    name, where = row[0], f"{where} ({cut(row[0], 80)})"
+    values = numbers(row[1:], (21,), f"{where}: K, R and t")
     K, R, t = values[:9].reshape(3, 3), values[9:18].reshape(3, 3), values[18:]
     if np.abs([K[1, 0], *K[2, :2]]).max() > 0 or K[2, 2] == 0:
-        raise InputError(f"{where} ({name}): K should be upper triangular, not {K.tolist()}")
-    where = f"{where} ({name})"
+        raise InputError(f"{where}: K should be upper triangular, not {shorten(K.tolist())}")
     K, R, t = decompose(K @ np.c_[nearest_rotation(R, where), t], where)
     return Camera(name, UNSAID, to_half(K), R, t)

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from silmesh.cameras.camera import Cameras
+from silmesh.cameras.camera import Cameras, refuse_many
 from silmesh.cameras.formats.matching import Sizes, is_scaled
 from silmesh.cameras.formats.parts import (
     UNSAID,
@@ -29,12 +29,13 @@ from silmesh.cameras.formats.parts import (
     intrinsics,
     nearest_rotation,
     numbers,
+    pixels,
     read_json,
     refuse_skew,
 )
 from silmesh.cameras.lens import CURVED, PLAIN, Lens, lens_of, refuse_strange
 from silmesh.cameras.locate import SPLITS
-from silmesh.errors import InputError, blaming
+from silmesh.errors import InputError, blaming, cut
 from silmesh.files import replacing
 from silmesh.views import View
 
@@ -42,6 +43,7 @@ FLIP = np.diag([1.0, -1.0, -1.0])  # between OpenGL's camera axes and ours
 WHOLE = 1e-6  # by which twice a principal point may differ from a whole number of pixels
 SAME = 0.02  # by which a width that is told may differ from the photograph's own
 NEEDED = ("file_path", "transform_matrix")  # of each frame
+NARROWEST = 1e-6  # radians across a photograph
 LENS = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "s1", "s2", "omega")
 USUAL = (*PLAIN, "PERSPECTIVE", "SIMPLE_RADIAL", "RADIAL", "OPENCV")  # OpenCV's k1 k2 p1 p2 k3
 KEPT = (*PLAIN, "SIMPLE_RADIAL", "RADIAL", "OPENCV", "OPENCV_FISHEYE")  # that are written
@@ -68,6 +70,7 @@ def _read_file(path: Path, sizes: Sizes) -> list[Camera]:
     frames = content.get("frames") if isinstance(content, dict) else None
     if not isinstance(frames, list) or not frames or not all(isinstance(f, dict) for f in frames):
         raise InputError(f"{path}: should hold a list 'frames' of {{file_path, transform_matrix}}")
+    refuse_many(path, len(frames))
     shared = {key: value for key, value in content.items() if key != "frames"}
     return [_parse(shared | f, f"{path}: frame {i}", sizes) for i, f in enumerate(frames)]
 
@@ -79,7 +82,7 @@ def _parse(frame: Mapping[str, Any], where: str, sizes: Sizes) -> Camera:
         if key not in frame:
             raise InputError(f"{where}: {key!r} is missing")
     name = str(frame["file_path"])
-    where = f"{where} ({name})"
+    where = f"{where} ({cut(name, 80)})"
     pose = frame["transform_matrix"]
     pose = pose[:3] if isinstance(pose, list) else pose
     pose = numbers(pose, (3, 4), f"{where}: transform_matrix")
@@ -98,9 +101,9 @@ def _parse_size(frame: Mapping[str, Any], own: tuple[int, int], where: str) -> t
     Where w and h are missing, fl_x beside camera_angle_x tells the width, and a principal point in
     the middle of another size of the photograph's aspect tells that size.
     """
-    size = tuple(int(_number(frame, key, where, 0)) for key in ("w", "h"))
-    if all(size):
-        return size
+    given = frame.get("w"), frame.get("h")
+    if None not in given:
+        return pixels(*given, where)
     focal, across = (_number(frame, key, where, 0) for key in ("fl_x", "camera_angle_x"))
     width, height = 2 * _number(frame, "cx", where, 0), 2 * _number(frame, "cy", where, 0)
     if focal > 0 and 0 < across < math.pi:
@@ -120,11 +123,12 @@ def _number(frame: Mapping[str, Any], key: str, where: str, default: float) -> f
 def _parse_intrinsics(frame: Mapping[str, Any], size: tuple[int, int], where: str) -> np.ndarray:
     width, height = size
     across = _number(frame, "camera_angle_x", where, 0)
-    if "fl_x" not in frame and not 0 < across < math.pi:
+    fx = _number(frame, "fl_x", where, 0)
+    if not fx and not NARROWEST < across < math.pi:
         raise InputError(
             f"{where}: should have fl_x, or camera_angle_x between 0 and pi, not {across:g}"
         )
-    fx = _number(frame, "fl_x", where, 0) or width / 2 / math.tan(across / 2)
+    fx = fx or width / 2 / math.tan(across / 2)
     fy = _number(frame, "fl_y", where, fx)
     centre = _number(frame, "cx", where, width / 2), _number(frame, "cy", where, height / 2)
     return intrinsics((fx, fy), centre, where)
@@ -160,7 +164,7 @@ def write(path: Path, cameras: Cameras, images: Mapping[str, str]) -> None:
     shared = {k: v for k, v in frames[0].items() if all(f.get(k) == v for f in frames)}
     own = [{k: v for k, v in f.items() if k not in shared or k in NEEDED} for f in frames]
     with replacing(path) as part:
-        part.write_text(json.dumps({**shared, "frames": own}, indent=1) + "\n")
+        part.write_text(json.dumps({**shared, "frames": own}, indent=1) + "\n", encoding="utf-8")
 
 
 def _frame(cameras: Cameras, i: int, image: str) -> dict[str, Any]:

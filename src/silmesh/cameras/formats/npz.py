@@ -6,9 +6,11 @@ from a unit sphere to it: silmesh finds the object's place and size itself. DVR'
 photographs in their order; pixel centres lie at integers, for these projects make their rays so.
 """
 
+import math
 import re
 import zipfile
 from collections.abc import Sequence
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -16,10 +18,17 @@ import numpy as np
 from silmesh.cameras.camera import Cameras
 from silmesh.cameras.formats.parts import gather, numbers, to_half
 from silmesh.cameras.formats.projection import cameras_of, decompose
-from silmesh.errors import InputError
+from silmesh.errors import InputError, cut, reading, shorten
 from silmesh.views import View
 
 BARE = 1e-3  # by which the K of a world_mat that is [R | t] alone may differ from 1
+NEEDED = r"(world|camera)_mat_\d+"  # names of what is read
+LARGEST = 4096  # bytes of a matrix with its header
+MOST = 20_000  # arrays
+HEADERS = {  # readers of them by the version of a .npy file
+    (1, 0): np.lib.format.read_array_header_1_0,
+    (2, 0): np.lib.format.read_array_header_2_0,
+}
 NORMED = 20.0  # focal length in pixels below which a camera_mat is taken to lead to [-1, 1]
 
 
@@ -34,7 +43,7 @@ def read(path: Path, views: Sequence[View]) -> Cameras:
     if not numbered:
         raise InputError(
             f"{path}: should hold world_mat_0, world_mat_1, ..., holds "
-            f"{', '.join(sorted(values)[:4]) or 'nothing'}"
+            f"{cut(', '.join(sorted(values)[:4]), 200) or 'nothing'}"
         )
     matrices = []
     for place, (i, name) in enumerate(numbered):
@@ -46,12 +55,30 @@ def read(path: Path, views: Sequence[View]) -> Cameras:
     return gather(cameras_of(matrices, [name for _, name in numbered], path))
 
 
-def _load(path: Path) -> dict[str, np.ndarray]:
-    try:
-        with np.load(path) as file:
-            return {name: file[name] for name in file.files}
-    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path}: cannot be read as an .npz file: {error}") from error
+def _load(path: Path) -> dict[str, np.ndarray | None]:
+    """The arrays by their names; None for those that are not needed, which are not unpacked."""
+    with reading(path, "an .npz file"), zipfile.ZipFile(path) as archive:
+        names = [name.removesuffix(".npy") for name in archive.namelist()]
+        if len(set(names)) < len(names) or len(names) > MOST:
+            raise ValueError(f"it has {len(names):,} arrays, or one twice")
+        return {
+            name: _read_matrix(archive, info) if re.fullmatch(NEEDED, name) else None
+            for name, info in zip(names, archive.infolist(), strict=True)
+        }
+
+
+def _read_matrix(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> np.ndarray:
+    """An array that is as small as a matrix, by the archive's word and by its own."""
+    if info.file_size > LARGEST:
+        raise ValueError(f"{info.filename} has {info.file_size:,} bytes, too many for a matrix")
+    with archive.open(info) as member:
+        data = BytesIO(member.read(LARGEST))
+    read_header = HEADERS[np.lib.format.read_magic(data)]
+    shape, _, dtype = read_header(data, max_header_size=LARGEST)
+    if math.prod(shape) * dtype.itemsize > LARGEST:
+        raise ValueError(f"{info.filename} should be a matrix, not {shorten(list(shape))}")
+    data.seek(0)
+    return np.lib.format.read_array(data, allow_pickle=False, max_header_size=LARGEST)
 
 
 def _rows(matrix: np.ndarray, columns: int, where: str) -> np.ndarray:

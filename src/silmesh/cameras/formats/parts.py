@@ -1,6 +1,5 @@
-"""What readers of camera files share: checked numbers, rotations, pixel centres, JSON."""
+"""What readers of camera files share: checked numbers, rotations, pixel centres."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -9,9 +8,11 @@ from typing import Any
 import numpy as np
 import torch
 
-from silmesh.cameras.camera import Cameras
+from silmesh.cameras.camera import LARGEST, WIDEST, Cameras
 from silmesh.cameras.lens import Lens
-from silmesh.errors import InputError
+from silmesh.errors import InputError, explain, shorten
+from silmesh.reading import read_json as read_json
+from silmesh.reading import read_text
 
 SLOPPY = 0.02  # by which R R^T of a file may differ from 1: two decimals
 SKEW = 0.5  # pixels at the image's edge up to which a skew is left out of what is written
@@ -65,7 +66,9 @@ def intrinsics(
     """
     K = np.array([[focal[0], skew, centre[0]], [0, focal[1], centre[1]], [0, 0, 1]], np.float64)
     if not np.isfinite(K).all():
-        raise InputError(f"{where}: the intrinsics should be finite numbers, not {K.tolist()}")
+        raise InputError(
+            f"{where}: the intrinsics should be finite numbers, not {shorten(K.tolist())}"
+        )
     if K[0, 0] <= 0 or K[1, 1] <= 0:
         raise InputError(
             f"{where}: focal lengths {K[0, 0]:g} and {K[1, 1]:g} should be positive: a negative "
@@ -101,30 +104,41 @@ def nearest_rotation(matrix: np.ndarray, where: str) -> np.ndarray:
 def numbers(value: Any, shape: tuple[int, ...], where: str) -> np.ndarray:
     """An array of finite numbers of this shape, which a file may write as strings."""
     try:
-        array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"{where}: should be numbers of shape {list(shape)}: {error}") from error
+        array = np.array(value, dtype=object).astype(np.float64)  # a long word makes none longer
+    except (TypeError, ValueError, OverflowError, RecursionError) as error:
+        raise InputError(
+            f"{where}: should be numbers of shape {list(shape)}: {explain(error)}"
+        ) from error
     if array.shape != shape or not np.isfinite(array).all():
         raise InputError(
-            f"{where}: should be finite numbers of shape {list(shape)}, not {array.tolist()}"
+            f"{where}: should be finite numbers of shape {list(shape)}, not "
+            f"{shorten(array.tolist())}"
+        )
+    if np.abs(array).max(initial=0) > LARGEST:
+        raise InputError(
+            f"{where}: should be numbers up to {LARGEST:g}, not {shorten(array.tolist())}"
         )
     return array
 
 
-def read_json(path: Path) -> Any:
-    """The content of a JSON file."""
-    try:
-        return json.loads(path.read_text(encoding="utf-8-sig"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as JSON: {error}") from error
+def pixels(width: Any, height: Any, where: str) -> tuple[int, int]:
+    """Width and height as a file gives them.
+
+    Raises:
+        InputError: one is not 1, 2, ...
+    """
+    size = numbers([width, height], (2,), f"{where}: width and height")
+    if (size < 1).any() or (size > WIDEST).any() or (size != size.round()).any():
+        raise InputError(
+            f"{where}: width and height should be whole numbers from 1 to {WIDEST:,}, "
+            f"not {size[0]:g} and {size[1]:g}"
+        )
+    return int(size[0]), int(size[1])
 
 
 def read_lines(path: Path) -> list[str]:
     """The lines of a text file."""
-    try:
-        return path.read_text(encoding="utf-8-sig").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as text: {error}") from error
+    return read_text(path).splitlines()
 
 
 def refuse_skew(cameras: Cameras, i: int) -> None:

@@ -11,8 +11,9 @@ from pathlib import Path
 import numpy as np
 from scipy.linalg import rq
 
+from silmesh.cameras.camera import LARGEST
 from silmesh.cameras.formats.parts import UNSAID, Camera
-from silmesh.errors import InputError
+from silmesh.errors import InputError, shorten
 
 SINGULAR = 1e-9  # of the matrix's scale, below which the left 3x3 has no inverse
 
@@ -23,8 +24,11 @@ def decompose(P: np.ndarray, where: str) -> tuple[np.ndarray, np.ndarray, np.nda
     Raises:
         InputError: it is not finite, or its left 3x3 has no inverse
     """
-    if not np.isfinite(P).all():
-        raise InputError(f"{where}: the matrix should be finite numbers, not {P.tolist()}")
+    if not np.isfinite(P).all() or np.abs(P).max() > LARGEST:
+        raise InputError(
+            f"{where}: the matrix should be finite numbers up to {LARGEST:g}, not "
+            f"{shorten(P.tolist())}"
+        )
     M = P[:, :3]
     if abs(np.linalg.det(M)) <= SINGULAR * np.prod(np.linalg.norm(M, axis=1)):
         raise InputError(

@@ -12,7 +12,7 @@ import numpy as np
 from silmesh.cameras.camera import Cameras
 from silmesh.cameras.formats.parts import gather, read_lines
 from silmesh.cameras.formats.projection import cameras_of
-from silmesh.errors import InputError
+from silmesh.errors import InputError, explain
 
 
 def read(folder: Path) -> Cameras:
@@ -25,10 +25,14 @@ def _read_matrix(file: Path) -> np.ndarray:
     """P [3, 4]."""
     words = " ".join(read_lines(file)).replace(",", " ").split()
     words = words[1:] if words[:1] == ["CONTOUR"] else words
+    if len(words) > 16:
+        raise InputError(f"{file}: should hold the 12 numbers of a 3x4 matrix, not {len(words)}")
     try:
         values = np.array(words, np.float64)
     except ValueError as error:
-        raise InputError(f"{file}: should hold the numbers of a 3x4 matrix: {error}") from error
+        raise InputError(
+            f"{file}: should hold the numbers of a 3x4 matrix: {explain(error)}"
+        ) from error
     if len(values) == 16 and (values[12:] == [0, 0, 0, 1]).all():
         values = values[:12]
     if len(values) != 12:
