@@ -226,7 +226,7 @@ def test_a_truncated_model(made, tmp_path, name, cut):
         ("cameras.txt", "700 690 331 228\n", "700 -690 331 228\n", "should be positive: a negat"),
         ("images.txt", " 2 left/shot_2.png", " 7 left/shot_2.png", "has camera 7, which the model"),
         ("images.txt", "left/shot_1.png", "", "an image should be IMAGE_ID QW"),
-        ("images.txt", " 2 left/shot_2.png", " x left/shot_2.png", "CAMERA_ID should be a number"),
+        ("images.txt", " 2 left/shot_2.png", " x left/shot_2.png", "TZ CAMERA_ID NAME, with"),
     ],
 )
 def test_a_wrong_model_is_named(made, tmp_path, file, old, new, message):

@@ -226,7 +226,7 @@ def _parse_image(row: str, path: Path, as_points: bool) -> tuple[int, np.ndarray
         )
     where = f"{path}: image {cut(parts[9], 80)}"
     pose = numbers(parts[1:8], (7,), where)
-    return _to_number(parts[8], where), pose, parts[9]
+    return int(parts[8]), pose, parts[9]
 
 
 class _Bytes:
