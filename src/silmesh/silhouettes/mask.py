@@ -168,7 +168,7 @@ def _describe(found: Mapping[int, int], name: str) -> str:
     listed = ", ".join(named[:NAMED]) + (f" and {len(named) - NAMED} more" if named[NAMED:] else "")
     return (
         f"{name}: holds {len(found)} values, {listed}, and no more than two can be told apart; "
-        "a mask should be 255 on the object and 0 elsewhere. If these are labels, keep the "
-        "object's, for example by Pillow: "
-        f"`Image.fromarray((numpy.asarray(Image.open(mask)) == {max(found)}).astype('u1') * 255)`"
+        "a mask should be 255 on the object and 0 elsewhere. Of labels "
+        f"`Image.fromarray((numpy.asarray(Image.open(mask)) > {min(found)}).astype('u1') * 255)` "
+        f"takes all above {min(found)}, `== {max(found)}` one of them"
     )
