@@ -51,6 +51,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         "views_dropped": len(scene["dropped"]),
         "views_repaired": len(scene.get("repaired", [])),
         "hull_doubtful": ", ".join(scene["doubtful"]) or None,
+        "silhouettes_contradicted": ", ".join(scene.get("contradicted", [])) or None,
         "loss_final": float(last["loss"]),
         "iterations": int(last["iteration"]) + 1,
         "fit_seconds": float(last["seconds"]),
