@@ -16,7 +16,7 @@ from scipy import fft, ndimage
 
 Figures = Mapping[str, float]
 EDGES, IN_PLACE = "edges", "in_place"
-SLOPE = 4.0  # grey levels a pixel: less is no edge
+SLOPE = 1024.0  # grey levels along the image's longer side: less is no edge, at any size
 STEEP = 20.0  # grey levels a pixel: more counts no more, so that a few edges do not decide
 NEAR = 2  # pixels that an outline may lie beside its edge
 MARGIN = 4  # pixels of a photograph's border that say nothing
@@ -50,7 +50,7 @@ def compare(pixels: np.ndarray, silhouette: np.ndarray, frame: Sequence[int]) ->
     steep = _correlate(np.minimum(slope, STEEP), outline, reach)
     here = steep[reach - NEAR : reach + NEAR + 1, reach - NEAR : reach + NEAR + 1].max()
     return {
-        EDGES: float((near[outline] > SLOPE).mean()),
+        EDGES: float((near[outline] > SLOPE / max(slope.shape)).mean()),
         IN_PLACE: float(here / steep.max()) if steep.max() > 0 else 0.0,
     }
 
