@@ -17,13 +17,14 @@ from scipy import fft, ndimage
 Figures = Mapping[str, float]
 EDGES, IN_PLACE = "edges", "in_place"
 SLOPE = 1024.0  # grey levels along the image's longer side: less is no edge, at any size
+SHARP = 16.0  # grey levels a pixel: more is an edge, also in an image of few pixels
 STEEP = 20.0  # grey levels a pixel: more counts no more, so that a few edges do not decide
-NEAR = 2  # pixels that an outline may lie beside its edge
+NEAR = 1 / 128  # of the image's longer side: how far an outline may lie beside its edge
 MARGIN = 4  # pixels of a photograph's border that say nothing
 REACH = 0.2  # of the object's diagonal: how far an outline is shifted
 LARGE = 256  # pixels of the longer side: larger images are looked at in steps
 FEWEST = 16  # pixels of an outline that can be judged
-AGREES = {EDGES: 0.9, IN_PLACE: 0.75}  # below, colours contradict a silhouette
+AGREES = {EDGES: 0.9, IN_PLACE: 0.9}  # below, colours contradict a silhouette
 
 
 def compare(pixels: np.ndarray, silhouette: np.ndarray, frame: Sequence[int]) -> Figures:
@@ -43,14 +44,17 @@ def compare(pixels: np.ndarray, silhouette: np.ndarray, frame: Sequence[int]) ->
     if outline.sum() < FEWEST:
         return {EDGES: np.nan, IN_PLACE: np.nan}
     slope = np.where(seen, _slope(pixels), 0)
-    near = ndimage.maximum_filter(slope, 2 * NEAR + 1)
+    beside = max(1, round(NEAR * max(slope.shape)))
+    near = ndimage.maximum_filter(slope, 2 * beside + 1)
     rows, columns = np.nonzero(silhouette)
     reach = int(REACH * np.hypot(np.ptp(rows) + 1, np.ptp(columns) + 1))
-    reach = min(max(reach, NEAR), min(slope.shape) // 2 - 1)
+    reach = min(max(reach, beside), min(slope.shape) // 2 - 1)
     steep = _correlate(np.minimum(slope, STEEP), outline, reach)
-    here = steep[reach - NEAR : reach + NEAR + 1, reach - NEAR : reach + NEAR + 1].max()
+    around = slice(reach - beside, reach + beside + 1)
+    here = steep[around, around].max()
+    edge = min(SLOPE / max(slope.shape), SHARP)
     return {
-        EDGES: float((near[outline] > SLOPE / max(slope.shape)).mean()),
+        EDGES: float((near[outline] > edge).mean()),
         IN_PLACE: float(here / steep.max()) if steep.max() > 0 else 0.0,
     }
 
