@@ -34,8 +34,9 @@ def may_have_shadow(pixels: np.ndarray, ground: np.ndarray, silhouette: np.ndarr
 def find_shadow(pixels: np.ndarray, ground: np.ndarray, silhouette: np.ndarray) -> np.ndarray:
     """The part of a silhouette that is a shadow on the ground: [height, width] bool.
 
-    It is reached from the ground without a step and without another colour, and its middle is lower
-    in the photograph than that of the rest. Nothing where the rest would be too little.
+    It is reached from the ground without a step and without another colour, and each piece of it
+    goes over into the ground without steps and lies lower in the photograph than the middle of the
+    rest. Nothing where the rest would be too little.
 
     Args:
         pixels: [height, width, 3] uint8
@@ -50,10 +51,13 @@ def find_shadow(pixels: np.ndarray, ground: np.ndarray, silhouette: np.ndarray) 
     reached = ndimage.binary_propagation(outside & ~walls, mask=outside | ~walls)
     reached = ndimage.binary_dilation(reached, iterations=GAP + 1, mask=open_)
     found = ndimage.binary_closing(reached | outside, iterations=1) & silhouette & alike
+    pieces, count = ndimage.label(found, np.ones((3, 3)))
+    for i in range(1, count + 1):
+        piece = pieces == i
+        found[piece] = _is_soft(piece, outside, steps) and _lies_below(piece, silhouette & ~piece)
     rest = silhouette & ~found
-    if found.sum() <= SHARE * silhouette.sum() or rest.sum() < REST * silhouette.sum():
-        return nothing
-    return found if _is_soft(found, outside, steps) and _lies_below(found, rest) else nothing
+    small = found.sum() <= SHARE * silhouette.sum() or rest.sum() < REST * silhouette.sum()
+    return nothing if small else found
 
 
 def _darken(pixels: np.ndarray, ground: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -89,4 +93,4 @@ def _is_soft(shadow: np.ndarray, outside: np.ndarray, steps: np.ndarray) -> bool
 def _lies_below(shadow: np.ndarray, rest: np.ndarray) -> bool:
     """Whether nearly all of a shadow lies lower in the photograph than the middle of the rest."""
     rows = np.nonzero(shadow)[0]
-    return bool(np.percentile(rows, 100 * ABOVE) > np.median(np.nonzero(rest)[0]))
+    return rest.any() and bool(np.percentile(rows, 100 * ABOVE) > np.median(np.nonzero(rest)[0]))
