@@ -38,6 +38,10 @@ def test_a_good_mesh():
     assert find_doubts(GOOD, Path("results")) == []
 
 
+def test_a_few_silhouettes_that_colours_contradict_do_not_decide():
+    assert find_doubts(GOOD | {"silhouettes_contradicted": ["a", "b"]}, Path("results")) == []
+
+
 def test_photographs_that_are_left_out_are_named():
     lost = {"source": "calibrate", "dropped": dict.fromkeys("abcd", "empty")}
     changed = GOOD | {"views_dropped": 4, "views_repaired": 2, "cameras": lost}
@@ -64,6 +68,11 @@ def test_photographs_that_are_left_out_are_named():
         (
             {"views": 50, "views_dropped": 22},
             "22 of 72 photographs are left out",
+        ),
+        ({"views": 7}, "7 photographs leave much of the shape open"),
+        (
+            {"silhouettes_contradicted": [f"r{i}" for i in range(12)]},
+            "along the outlines of r0, r1, r2 and 9 more (12 of 72) the photographs change little",
         ),
         ({"watertight": False}, "not closed: try --init ellipsoid"),
     ],

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from blocks import BLOCK, PLACED, find, photographs
 from PIL import Image
 from scenes import save
 from scipy import ndimage
@@ -7,22 +8,6 @@ from scipy import ndimage
 from silmesh.errors import InputError
 from silmesh.silhouettes import encode, read_lost, read_silhouettes, write_silhouettes
 from silmesh.views import write_views
-
-BLOCK = np.zeros((48, 64), bool)
-BLOCK[12:36, 16:40] = True
-PLACED = np.zeros((32, 32), bool)  # BLOCK, halved and centred
-PLACED[10:22, 8:20] = True
-
-
-def photographs(folder, *pixels):
-    """Working images of photographs a, b, ... and the files that they were made from."""
-    paths = [save(folder / f"{chr(97 + i)}.png", p) for i, p in enumerate(pixels)]
-    return write_views(paths, 32, "pad", folder / "views")
-
-
-def find(folder, source, views, masks=()):
-    write_silhouettes(source, views, folder / "views", masks, folder / "out")
-    return read_silhouettes(folder / "out", [view.view for view in views])
 
 
 def test_a_silhouette_is_written_as_the_report_defines(tmp_path):

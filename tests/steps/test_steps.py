@@ -526,6 +526,18 @@ def test_an_object_that_leaves_its_photograph_is_told_of(results, tmp_path, caps
     assert table["on_frame"].tolist() == [3 if i == 5 else 0 for i in range(COUNT)]
 
 
+def test_silhouettes_that_the_photographs_contradict_are_listed(results, tmp_path):
+    shutil.copytree(results / "found", tmp_path / "found")
+    for name in ("v2", "v5"):
+        file = tmp_path / "found/silhouettes" / f"{name}.png"
+        save(file, np.roll(np.asarray(Image.open(file)), 8, axis=1))
+    call(judge, scene=tmp_path / "found", policy="keep", threads=1, output=tmp_path / "judged")
+    for folder, expected in ((tmp_path / "judged", ["v2", "v5"]), (results / "scene", [])):
+        assert json.loads((folder / "scene.json").read_text())["contradicted"] == expected
+        table = pd.read_csv(folder / "quality.csv", index_col="view")
+        assert table.index[(table["edges"] < 0.9) | (table["in_place"] < 0.9)].tolist() == expected
+
+
 FAST = SETTINGS | {"preset": "fast", "learning_rate": 1, "smoothing": 4, "laplacian": 0.003}
 
 

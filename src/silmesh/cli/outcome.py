@@ -13,6 +13,8 @@ from silmesh.files import replacing
 SUFFIXES = (".glb", ".obj", ".ply", ".stl")
 HULL, MEAN, WORST = 0.9, 0.95, 0.85  # IoU below which cameras, the fit and a view are doubted
 NAMED = 3  # views, at most
+FEWEST = 8  # photographs, below which a hull of true silhouettes holds much that is not the object
+CONTRADICTED = 0.1  # of the views: more whose colours contradict their silhouettes are a doubt
 CALIBRATE, COLMAP = "calibrate", "colmap"
 SOURCES = {CALIBRATE: {CALIBRATE}, COLMAP: {COLMAP}, "auto": {CALIBRATE, COLMAP}}
 WHEN = {  # other cameras are worth a try
@@ -84,9 +86,30 @@ def find_doubts(metrics: Mapping[str, Any], folder: Path, tried: Sequence[str] =
             "photographs are left out, because the others contradict them: other --silhouettes or "
             "--masks may save them"
         )
+    if metrics["views"] < FEWEST:
+        doubts.append(
+            f"{metrics['views']} photographs leave much of the shape open, however well it fills "
+            f"them: take {FEWEST} or more, better 20 to 100, from all around"
+        )
+    if contradicted := _name_contradicted(metrics):
+        doubts.append(
+            f"along the outlines of {contradicted} the photographs change little, or more beside "
+            f"it: look at the silhouettes in {quote(str(silhouettes))}. A shadow or a reflection "
+            "that passes for the object wants --silhouettes matting or --masks, masks that lie "
+            "beside the object or are another photograph's the right ones"
+        )
     if not metrics["watertight"]:
         doubts.append("the mesh is not closed: try --init ellipsoid")
     return doubts
+
+
+def _name_contradicted(metrics: Mapping[str, Any]) -> str:
+    """The views of which the colours contradict the silhouettes, if they are more than a few."""
+    views = metrics.get("silhouettes_contradicted", ())  # results of before have none
+    if len(views) <= CONTRADICTED * metrics["views"]:
+        return ""
+    named = ", ".join(views[:NAMED]) + (f" and {len(views) - NAMED} more" if views[NAMED:] else "")
+    return f"{named} ({len(views)} of {metrics['views']})"
 
 
 def advise_on_cameras(silhouettes: Path, tried: Sequence[str], measured: bool) -> str:

@@ -1,7 +1,7 @@
 """The table of a judged scene, ``quality.csv``: what was found of each view, what became of it."""
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,13 +10,22 @@ from silmesh.judging.policy import WEIGHTS, Decision
 TABLE = "quality.csv"  # in the scene's folder
 
 
-def write_table(folder: Path, views: Sequence[str], decision: Decision) -> None:
-    """Write a row for each view: its measures, ``doubt`` (why), ``fate`` and ``weight``."""
+def write_table(
+    folder: Path,
+    views: Sequence[str],
+    decision: Decision,
+    colours: Sequence[Mapping[str, float]],
+) -> None:
+    """Write a row for each view: its measures, ``doubt`` (why), ``fate`` and ``weight``.
+
+    Args:
+        colours: of each view, how far its photograph's colours agree with its silhouette
+    """
     verdict = decision.verdict
     rows = [
-        {"view": view, **row, "doubt": doubt, "fate": fate, "weight": WEIGHTS[fate]}
-        for view, row, doubt, fate in zip(
-            views, verdict.rows, verdict.doubts, decision.fates, strict=True
+        {"view": view, **row, **seen, "doubt": doubt, "fate": fate, "weight": WEIGHTS[fate]}
+        for view, row, seen, doubt, fate in zip(
+            views, verdict.rows, colours, verdict.doubts, decision.fates, strict=True
         )
     ]
     with (folder / TABLE).open("w", newline="", encoding="utf-8") as file:

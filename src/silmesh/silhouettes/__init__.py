@@ -31,11 +31,14 @@ def _find_by_threshold(image: Image.Image, view: View, file: Path | None) -> np.
 
 SOURCES = {"mask": mask.find, "alpha": alpha.find, "threshold": _find_by_threshold}
 NETWORKS = ("deeplab", "matting")
+GIVEN = ("mask", "alpha")  # sources that a person made
 GREY = 124
 LOST = "lost.json"  # which silhouettes are empty because something could not be read, if any are
 FEWEST = 2  # views with a silhouette
+AROUND = 0.7  # of a photograph's border: a mask of a person's that covers more is inverted
 HINTS = {
     "mask": ", white in its mask",
+    "alpha": " and be opaque there, more than 127 of 255",
     "threshold": " and stand out from the colour of its border",
     "deeplab": ", as one of the classes that the network knows: torchvision's know twenty kinds of "
     "things; weights of your own come from `bin/run train`",
@@ -70,7 +73,8 @@ def write_silhouettes(
 
     Raises:
         InputError: masks are lacking or differ in number from the views; a photograph or a mask
-            cannot be read; a silhouette is empty or fills its photograph
+            cannot be read; a silhouette is empty or fills its photograph; even if others can be
+            used, a mask tells more than object and background apart
     """
     refused, lost = [], {}
     _refuse_other_count(source, views, masks)
@@ -79,6 +83,8 @@ def write_silhouettes(
         found = _find_each(source, views, images, files, settings)
         each = zip(views, files, found, strict=True)
         for done, (view, file, silhouette) in enumerate(each, start=1):
+            if isinstance(silhouette, mask.SeveralValuesError):
+                raise silhouette
             if isinstance(silhouette, InputError):
                 wrong = str(silhouette)
                 what = "photograph" if view.unreadable else source
@@ -171,10 +177,11 @@ def _describe_wrong(
         return f"{where} empty; the object should show in every photograph{HINTS.get(source, '')}"
     if inside.all():
         return f"{where} fills the photograph; the background should show around it"
-    edge = (inside[0], inside[-1], inside[:, 0], inside[:, -1])
-    if all(side.all() for side in edge):
+    edge = np.concatenate((inside[0], inside[-1], inside[:, 0], inside[:, -1]))
+    if edge.all() or (source in GIVEN and edge.mean() > AROUND):
+        covered = "border all around" if edge.all() else f"border to {edge.mean():.0%}"
         return (
-            f"{where} covers the photograph's border all around; it may be inverted: the object "
-            "should be white, the background black"
+            f"{where} covers the photograph's {covered}; it may be inverted: the object should be "
+            "white, the background black"
         )
     return None

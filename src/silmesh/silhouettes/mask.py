@@ -1,21 +1,39 @@
-"""Silhouettes from mask files: the object is bright, and opaque if a mask has an alpha channel."""
+"""Silhouettes from mask files: two values, of which the brighter or more opaque is the object."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
+from PIL import Image, ImageFilter
 
 from silmesh.errors import InputError
 from silmesh.views import View, read_image
 
+LOOKED_AT = 512  # pixels of a mask's longer side that its values are counted in, at most
+FEW = 64  # values, at most, of which each stands for itself; of more some are noise or soft edges
+ALIKE = 1 / 10  # of the range of many values: nearer ones are one value with noise
+PART = 0.02  # of what is not the commonest value: a value of more is no seam between two others
+MUCH = 0.15  # likewise, where it is near one of the two
+SEEN = 1e-3  # of all such pixels: likewise
+WIDE = 4  # pixels around one that are alike where a third value, or none of the two, is meant
+WHOLE = 1 / 4  # of a third value's flat pixels: so many have as much around them
+GREY = 1 / 3  # of what is not background: more that is between the two values is no soft edge
+NAMED = 5  # values, at most, in a message
+
+
+class SeveralValuesError(InputError):
+    """A mask tells more than object and background apart, so the others may mean more too."""
+
 
 def find(image: Image.Image, view: View, mask: Path | None) -> np.ndarray:
-    """Resize the mask as its photograph was, and take what is at least half as bright as it gets.
+    """Resize the mask as its photograph was, and take what is nearer to its brighter value.
 
-    So masks of 0 and 1, and the grey silhouettes that this package writes, are read as well.
+    So masks of 0 and 1, soft or compressed ones, masks that are only an alpha channel, and the grey
+    silhouettes that this package writes, are read as well.
 
     Raises:
-        InputError: the mask cannot be read, or has another size than the photograph
+        InputError: the mask cannot be read, has another size than the photograph, or more than
+            two values
     """
     drawn = read_image(mask)
     if drawn.size != (view.width, view.height):
@@ -26,6 +44,131 @@ def find(image: Image.Image, view: View, mask: Path | None) -> np.ndarray:
             + ", turned upright as its EXIF orientation says"
             * turned
         )
-    shown = Image.alpha_composite(Image.new("RGBA", drawn.size, "black"), drawn.convert("RGBA"))
-    bright = np.asarray(view.place(shown.convert("L"), Image.Resampling.BILINEAR))
-    return bright > bright.max() // 2
+    brightness = read_brightness(drawn)
+    low, high = find_levels(np.asarray(brightness), str(mask))
+    scale = 255 / (high - low)
+    spread = brightness.point([min(max(round((v - low) * scale), 0), 255) for v in range(256)])
+    return np.asarray(view.place(spread, Image.Resampling.BILINEAR)) > 127
+
+
+def read_brightness(drawn: Image.Image) -> Image.Image:
+    """The one channel, L, of an image that says what is the object.
+
+    Of an image that is transparent in places it is the alpha, unless what is opaque is a mask
+    itself, of a few flat values that are not all alike; else the brightness.
+    """
+    grey = drawn.convert("RGB").convert("L")
+    if drawn.mode != "RGBA":
+        return grey
+    alpha = drawn.getchannel("A")
+    least, most = alpha.getextrema()
+    if least == most:
+        return grey
+    opaque = np.asarray(alpha) > (least + most) / 2
+    shown = np.count_nonzero(np.bincount(np.asarray(grey)[opaque], minlength=256))
+    if not 1 < shown <= FEW:
+        return alpha
+    return Image.composite(grey, Image.new("L", grey.size), alpha)
+
+
+def find_levels(values: np.ndarray, name: str) -> tuple[int, int]:
+    """The values that stand for the background and for the object, the first below the second.
+
+    A value counts where it fills whole neighbourhoods of pixels: the ringing of compression and
+    soft edges do not, nor do the flat blocks that compression leaves.
+
+    Args:
+        values: [height, width] uint8
+        name: of the file, for messages
+
+    Raises:
+        SeveralValuesError: there are more than two
+    """
+    step = -(-max(values.shape) // LOOKED_AT)
+    looked = Image.fromarray(np.ascontiguousarray(values[::step, ::step]))
+    least, most = looked.getextrema()
+    several = np.count_nonzero(looked.histogram())
+    if several <= 2:
+        return (least, most) if least < most else (0, most or 255)
+    near = int((most - least) * ALIKE) if most - least >= FEW else 0
+    reach = near if several > FEW else 0
+    flat = _count_flat(looked, 1)
+    found = _group(flat, reach)
+    if len(found) > 2:
+        whole = _count_flat(looked, WIDE) > flat * WHOLE
+        found = _drop_noise(found, whole, near)
+    if len(found) > 2:
+        raise SeveralValuesError(_describe(found, name))
+    if len(found) == 2:
+        least, most = min(found), max(found)
+    _refuse_grey(looked, least, most, name)
+    return least, most
+
+
+def _count_flat(image: Image.Image, radius: int) -> np.ndarray:
+    """How many pixels of each value have just that value around them: [256]."""
+    low, high = _extremes(image, radius)
+    return np.bincount(low[low == high], minlength=256)
+
+
+def _extremes(image: Image.Image, radius: int) -> tuple[np.ndarray, np.ndarray]:
+    """The least and the largest value around each pixel: twice [height, width] uint8."""
+    low = high = image
+    for _ in range(radius):
+        low, high = low.filter(ImageFilter.MinFilter(3)), high.filter(ImageFilter.MaxFilter(3))
+    return np.asarray(low), np.asarray(high)
+
+
+def _group(counts: np.ndarray, reach: int) -> dict[int, int]:
+    """The values that stand out, the commonest first, with the counts of all within ``reach``."""
+    counts, found = counts.copy(), {}
+    while counts.any():
+        value = int(counts.argmax())
+        around = slice(max(value - reach, 0), value + reach + 1)
+        found[value] = int(counts[around].sum())
+        counts[around] = 0
+    total = sum(found.values())
+    least = max(PART * (total - max(found.values(), default=0)), SEEN * total)
+    return {value: count for value, count in found.items() if count >= least}
+
+
+def _drop_noise(found: Mapping[int, int], whole: np.ndarray, near: int) -> dict[int, int]:
+    """Of the values that stand out the lowest, the highest, and those that fill regions.
+
+    Args:
+        whole: [256], whether a value does
+        near: how far from the lowest and highest compression leaves flat blocks
+    """
+    ends = min(found), max(found)
+    rest = sum(found.values()) - max(found.values())
+    return {
+        value: count
+        for value, count in found.items()
+        if value in ends
+        or (whole[value] and (count > MUCH * rest or min(abs(value - end) for end in ends) > near))
+    }
+
+
+def _refuse_grey(image: Image.Image, least: int, most: int, name: str) -> None:
+    """Refuse what has whole regions between its two values: a photograph, a map of depth."""
+    quarter = (most - least) / 4
+    low, high = _extremes(image, WIDE)
+    between = np.count_nonzero((low > least + quarter) & (high < most - quarter))
+    if between > GREY * np.count_nonzero(np.asarray(image) > least + quarter):
+        raise SeveralValuesError(
+            f"{name}: holds all values from {least} to {most}, in whole regions; a mask should be "
+            "255 on the object and 0 elsewhere"
+        )
+
+
+def _describe(found: Mapping[int, int], name: str) -> str:
+    """What is wrong with a mask of these values, and what to do."""
+    total = sum(found.values())
+    named = [f"{value} ({found[value] / total:.0%})" for value in sorted(found)]
+    listed = ", ".join(named[:NAMED]) + (f" and {len(named) - NAMED} more" if named[NAMED:] else "")
+    return (
+        f"{name}: holds {len(found)} values, {listed}, and no more than two can be told apart; "
+        "a mask should be 255 on the object and 0 elsewhere. Of labels "
+        f"`Image.fromarray((numpy.asarray(Image.open(mask)) > {min(found)}).astype('u1') * 255)` "
+        f"takes all above {min(found)}, `== {max(found)}` one of them"
+    )

@@ -7,19 +7,45 @@ from PIL import Image
 from scipy import ndimage
 from skimage.filters import threshold_otsu
 
-from silmesh.views import View
+from silmesh.silhouettes.shadow import find_shadow, may_have_shadow
+from silmesh.views import View, read_photograph
 
 BORDER = 0.02  # of the shorter side: how wide the border is that is taken for background
 ROUNDS = 8  # of the background's fit, each without what lies off the one before
+CLOSE = 256  # pixels of the longer side: in a smaller picture a soft edge looks like a step
 SPECK = 0.02  # of the object's area: smaller pieces are dropped and smaller holes filled
 
 
 def find(image: Image.Image, view: View, mask: Path | None) -> np.ndarray:
-    """Take the pixels that differ from the border's colour by more than the border itself does."""
+    """Take the pixels that differ from the border's colour by more than the border itself does.
+
+    Without the object's shadow on a plain ground, as far as it is told from the object.
+    """
     silhouette = np.zeros((view.size, view.size), bool)
     inside = (slice(view.top, view.bottom), slice(view.left, view.right))
-    silhouette[inside] = separate(np.asarray(image.convert("RGB"))[inside])
+    pixels = np.asarray(image.convert("RGB"))[inside]
+    silhouette[inside] = _drop_shadow(*_split(pixels), pixels, view)
     return silhouette
+
+
+def _drop_shadow(
+    found: np.ndarray, ground: np.ndarray, pixels: np.ndarray, view: View
+) -> np.ndarray:
+    """A silhouette without its shadow, which is looked for in no smaller a picture than CLOSE."""
+    if not may_have_shadow(pixels, ground, found):
+        return found
+    if max(found.shape) >= CLOSE:
+        shadow = find_shadow(pixels, ground, found)
+    else:
+        photograph = read_photograph(view, (CLOSE, CLOSE)).convert("RGB")
+        photograph.thumbnail((CLOSE, CLOSE))
+        closer = np.asarray(photograph)
+        larger, behind = _split(closer)
+        shadow = Image.fromarray(find_shadow(closer, behind, larger))
+        shadow = shadow.convert("L").resize(found.shape[::-1], Image.Resampling.BOX)
+        shadow = np.asarray(shadow) > 127
+    kept = found & ~shadow
+    return _clean(kept, kept) if shadow.any() else found
 
 
 def separate(pixels: np.ndarray) -> np.ndarray:
@@ -37,13 +63,17 @@ def separate(pixels: np.ndarray) -> np.ndarray:
     Returns:
         [height, width] bool
     """
-    values = pixels.astype(np.float64)
-    border = _border(pixels.shape[:2])
-    contrast = np.abs(values - _ground(values, border)).max(axis=-1).round()
+    return _split(pixels)[0]
+
+
+def _split(pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """An object with its shadow, [height, width] bool, and the background as ``find_ground``."""
+    border, ground = _border(pixels.shape[:2]), find_ground(pixels)
+    contrast = np.abs(pixels - ground).max(axis=-1).round()
     most, usual = np.percentile(contrast[border], (90, 75))
     noise = min(most, 2 * usual)  # where the frame cuts the object, the most is of the object
     level = max(_level(contrast), 2 * noise, 4)
-    return _clean(contrast > level, contrast > max(noise, 2))
+    return _clean(contrast > level, contrast > max(noise, 2)), ground
 
 
 def border_noise(pixels: np.ndarray) -> float:
@@ -54,9 +84,8 @@ def border_noise(pixels: np.ndarray) -> float:
     Returns:
         grey levels
     """
-    values = pixels.astype(np.float64)
     border = _border(pixels.shape[:2])
-    contrast = np.abs(values - _ground(values, border)).max(axis=-1)
+    contrast = np.abs(pixels - find_ground(pixels)).max(axis=-1)
     return float(np.percentile(contrast[border], 75))
 
 
@@ -68,12 +97,17 @@ def _border(shape: tuple[int, int]) -> np.ndarray:
     return border
 
 
-def _ground(values: np.ndarray, border: np.ndarray) -> np.ndarray:
+def find_ground(pixels: np.ndarray) -> np.ndarray:
     """The background behind the object, [height, width, 3], from what the border shows of it.
 
     Least squares, begun with what is near the border's median; what the object covers of the border
     lies off the fit and is left out of the next.
+
+    Args:
+        pixels: [height, width, 3] uint8
     """
+    values = pixels.astype(np.float64)
+    border = _border(pixels.shape[:2])
     y, x = (np.linspace(-1, 1, side) for side in border.shape)
     y, x = np.meshgrid(y, x, indexing="ij")
     terms = np.stack([np.ones_like(x), x, y, x * y, x * x, y * y], axis=-1)

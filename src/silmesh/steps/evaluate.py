@@ -53,6 +53,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         "views_repaired": len(scene.get("repaired", [])),
         "hull_doubtful": ", ".join(scene["doubtful"]) or None,
         "measured": scene.get("measured", []),
+        "silhouettes_contradicted": scene.get("contradicted", []),
         "loss_final": float(last["loss"]),
         "iterations": int(last["iteration"]) + 1,
         "fit_seconds": float(last["seconds"]),

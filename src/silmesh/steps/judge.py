@@ -17,6 +17,7 @@ from silmesh.errors import blaming
 from silmesh.evaluation import coherence
 from silmesh.files import making
 from silmesh.hull import carve
+from silmesh.judging.colours import Figures, compare_all, contradict
 from silmesh.judging.policy import DROPPED, KEPT, REPAIRED, WEIGHTS, Decision, decide
 from silmesh.judging.repair import repair
 from silmesh.judging.table import write_table
@@ -59,9 +60,10 @@ def main(argv: Sequence[str] | None = None) -> None:
         decision = decide(
             given.policy, given.fewest, found, cameras, segment, frames, lost, unreadable
         )
+    colours = compare_all(given.scene / VIEWS, cameras.views, decision.silhouettes, frames)
     world = _measure(cameras, similarity, told, decision, given.keep_world)
-    told = _tell(told, cameras.views, decision)
-    _write(given.output, given.scene, world, told, cameras.views, decision)
+    told = _tell(told, cameras.views, decision, colours)
+    _write(given.output, given.scene, world, told, cameras.views, decision, colours)
     _say(given.scene, cameras.views, frames, decision)
 
 
@@ -87,7 +89,9 @@ def _measure(
     return kept, similarity, coherence(carve(seen, kept), kept, seen)
 
 
-def _tell(told: Mapping[str, Any], views: Sequence[str], decision: Decision) -> dict[str, Any]:
+def _tell(
+    told: Mapping[str, Any], views: Sequence[str], decision: Decision, colours: Sequence[Figures]
+) -> dict[str, Any]:
     """What ``scene.json`` says of the views beside what is measured."""
     fates = dict(zip(views, decision.fates, strict=True))
     doubts = {v: doubt for v, doubt in zip(views, decision.verdict.doubts, strict=True) if doubt}
@@ -95,6 +99,7 @@ def _tell(told: Mapping[str, Any], views: Sequence[str], decision: Decision) -> 
     return {key: value for key, value in told.items() if key not in MEASURED} | {
         "dropped": told["dropped"] | lost,
         "doubtful": doubts or dict.fromkeys(told["doubtful"], LOWERING),
+        "contradicted": [views[i] for i in decision.fitted if contradict(colours[i])],
         "repaired": [view for view, fate in fates.items() if fate == REPAIRED],
         "weights": {views[i]: WEIGHTS[decision.fates[i]] for i in decision.fitted},
     }
@@ -107,6 +112,7 @@ def _write(
     told: Mapping[str, Any],
     views: Sequence[str],
     decision: Decision,
+    colours: Sequence[Figures],
 ) -> None:
     """Write the scene anew, with ``quality.csv`` and the doubtful silhouettes as they were."""
     with making(output) as part, TemporaryDirectory() as made:
@@ -116,7 +122,7 @@ def _write(
         (part / ORIGINALS).mkdir()
         for view in told["doubtful"]:
             shutil.copyfile(scene / SILHOUETTES / f"{view}.png", part / ORIGINALS / f"{view}.png")
-        write_table(part, views, decision)
+        write_table(part, views, decision, colours)
 
 
 def _say(scene: Path, views: Sequence[str], frames: np.ndarray, decision: Decision) -> None:
