@@ -8,7 +8,7 @@ from snakemake.utils import min_version
 
 from silmesh.config import NAME, SoftRasFit
 from silmesh.errors import InputError
-from silmesh.lock import hold
+from silmesh.lock import BusyError, begin_run, end_with_parent
 from silmesh.plan import TRAINED, WEIGHTS, Plan
 from silmesh.provenance import code_digest as digest_code
 from silmesh.provenance import file_digest
@@ -16,6 +16,9 @@ from silmesh.synthetic.layout import photograph_names
 from silmesh.warm import start
 
 min_version("9.10")
+
+# Where the command `silmesh` runs this, it ends with the command.
+end_with_parent()
 
 # What is left of a run; any of it that is lost is made again.
 RESULTS = (
@@ -52,11 +55,13 @@ except InputError as error:
 
 # Snakemake's own lock, which a kill leaves behind, is off in the profile.
 onstart:
-    if not hold(".snakemake/silmesh.lock"):
-        sys.exit(
-            f"silmesh: another run is at work in {Path.cwd()}; wait for its end"
-        )
-    write_report_plan()
+    try:
+        begin_run()
+        write_report_plan()
+    except BusyError as error:
+        sys.exit(f"silmesh: {error}")
+    except OSError as error:
+        sys.exit(f"silmesh: {error.filename}: {error.strerror}")
     start()
 
 

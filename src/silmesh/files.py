@@ -1,7 +1,10 @@
 """Outputs that are whole or absent: written beside their place, then renamed into it."""
 
 import os
+import platform
+import re
 import shutil
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,14 +16,15 @@ def replacing(path: Path | str) -> Iterator[Path]:
 
     The name keeps its suffix, so that writers which choose a format by it still do. If the block
     raises, what was written is removed and what stood at ``path`` stays as it was. A kill leaves
-    at most a hidden ``.part-`` file, which the next call for the same path removes.
+    at most a hidden ``.part-`` file of this process's own, which the next call for the same path
+    removes.
 
     >>> with replacing("mesh.ply") as part:
     ...     mesh.export(part)
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".part-{path.name}")
+    part = _name_part(path)
     remove(part)
     try:
         yield part
@@ -40,3 +44,23 @@ def remove(path: Path) -> None:
         shutil.rmtree(path)
     else:
         path.unlink(missing_ok=True)
+
+
+def _name_part(path: Path) -> Path:
+    """A path beside another for this process alone; removes those of processes that have ended."""
+    machine = f"{zlib.crc32(platform.node().encode()):08x}"  # others' processes are not seen here
+    name = re.compile(rf"\.part-(?:{machine}-(\d+)-)?{re.escape(path.name)}")
+    for other in path.parent.iterdir():
+        if (left := name.fullmatch(other.name)) and not (left[1] and _is_alive(int(left[1]))):
+            remove(other)
+    return path.with_name(f".part-{machine}-{os.getpid()}-{path.name}")
+
+
+def _is_alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:  # another user's
+        return True
+    return True

@@ -7,7 +7,9 @@ streams of the process that asked; that one waits, and ends as the fork ends. Wh
 as on another machine or in a container, the step runs where it was asked for. Its results are the
 same to the byte.
 
-The process ends with the one that started it, and a fork with the one that asked for it.
+The process ends with the one that started it; a fork with the one that asked for it, with the
+process that it is a fork of, and with the run whose step it is. Anyone on the machine may call a name
+and answer to it, so each end asks the kernel who is at the other.
 """
 
 import gc
@@ -26,12 +28,15 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from silmesh.lock import join_run
+
 FIRST = ("torch", "numba", "scipy.optimize", "scipy.ndimage", "scipy.sparse.linalg", "trimesh")
 THEN = ("skimage.measure", "scipy.stats", "matplotlib.figure", "pandas")  # while nobody asks
 NAME = "SILMESH_WARM"  # the variable that says what it answers to
 ALONE = {"OPENBLAS_NUM_THREADS": "1"}  # counts as it is loaded, and the last bits hang on it
 LOOK = 500  # milliseconds between two looks at whether its parent lives
 STREAMS = (0, 1, 2)
+PR_SET_PDEATHSIG = 1  # of prctl(2)
 
 
 def start() -> subprocess.Popen | None:
@@ -53,11 +58,10 @@ def run_step(step: str, arguments: Sequence[str]) -> int:
 
     The status of a step that a signal ended is 128 more than the signal, as a shell has it.
     """
+    join_run()
     os.environ |= ALONE
     with socket.socket(socket.AF_UNIX) as line:
-        try:
-            line.connect("\0" + os.environ[NAME])
-        except (KeyError, ConnectionRefusedError):
+        if not _call(line):
             _run_here(step, arguments)
             return 0
         request = step, list(arguments), str(Path.cwd()), dict(os.environ)
@@ -79,7 +83,9 @@ def main() -> None:
         listener.listen()
         line = _Forks(listener).serve(parent)
     if line:
-        _run_here(*_take_over(line))
+        step, arguments = _take_over(line)
+        join_run()
+        _run_here(step, arguments)
 
 
 class _Forks:
@@ -108,6 +114,7 @@ class _Forks:
 
     def _answer(self) -> None:
         line, _ = self._listener.accept()
+        waits = os.getpid()
         if _user_of(line) != os.getuid():
             line.close()
         elif pid := os.fork():
@@ -116,6 +123,7 @@ class _Forks:
             self._watch(ended, select.POLLIN, lambda: self._tell(pid, ended))
             self._watch(line.fileno(), select.POLLRDHUP, lambda: self._give_up(pid))
         else:
+            _end_with(waits)
             self._line = line
             for other in self._lines.values():
                 other.close()
@@ -139,6 +147,24 @@ class _Forks:
     def _forget(self, file: int) -> None:
         if self._acts.pop(file, None):
             self._events.unregister(file)
+
+
+def _call(line: socket.socket) -> bool:
+    """Connect to the process that waits; false if none does, or if another user's answers."""
+    try:
+        line.connect("\0" + os.environ[NAME])
+    except (KeyError, ConnectionRefusedError):
+        return False
+    return _user_of(line) == os.getuid()
+
+
+def _end_with(parent: int) -> None:
+    """End this process with its parent."""
+    import ctypes  # who asks for a step has no use for it
+
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        os.kill(os.getpid(), signal.SIGKILL)
 
 
 def _user_of(line: socket.socket) -> int:

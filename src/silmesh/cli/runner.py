@@ -1,7 +1,7 @@
 """Runs the workflow in a folder, follows it, and says in one message why it failed if it did.
 
 Snakemake runs as a process of its own, in a group of its own, so that all that it started ends with
-it. Of its text only what moves the bar is read; that it succeeded, its exit status says.
+it; and it ends with this process, if that is killed. Of its text only what moves the bar is read; that it succeeded, its exit status says.
 """
 
 import os
@@ -16,6 +16,7 @@ from threading import Thread
 
 from silmesh.cli.bar import Bar, shorten
 from silmesh.cli.workspace import CONFIG, find_snakefile
+from silmesh.lock import LIFELINE, make_lifeline, name_lifeline
 from silmesh.progress import EVERY
 
 TICK = 0.5  # seconds between two looks at the clock
@@ -62,17 +63,7 @@ class Runner:
             RunError: a step failed
             KeyboardInterrupt: it was stopped; all of its processes have ended
         """
-        process = subprocess.Popen(
-            self._command(targets),
-            cwd=self._folder,
-            env=_environment(),
-            text=True,
-            errors="replace",
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-        )
+        process, lifeline = self._start(targets)
         reader = _Reader(bar)
         try:
             for line in _lines(process):
@@ -85,8 +76,27 @@ class Runner:
         except BaseException:
             _stop(process)
             raise
+        finally:
+            os.close(lifeline)
         if process.wait():
             raise RunError(self._explain(reader), reader.failed)
+
+    def _start(self, targets: Sequence[str]) -> tuple[subprocess.Popen, int]:
+        """Snakemake, and the file by which it knows that this process lives."""
+        ours, theirs = make_lifeline()
+        process = subprocess.Popen(
+            self._command(targets),
+            cwd=self._folder,
+            env=_environment() | {LIFELINE: name_lifeline(theirs)},
+            text=True,
+            errors="replace",
+            stdin=theirs,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+        os.close(theirs)
+        return process, ours
 
     def _command(self, targets: Sequence[str]) -> list[str]:
         snakefile = find_snakefile()
