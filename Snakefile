@@ -11,8 +11,8 @@ from silmesh.errors import InputError
 from silmesh.lock import BusyError, begin_run, end_with_parent
 from silmesh.plan import TRAINED, WEIGHTS, Plan
 from silmesh.provenance import code_digest as digest_code
-from silmesh.provenance import file_digest
-from silmesh.synthetic.layout import photograph_names
+from silmesh.provenance import file_digest, read_digest
+from silmesh.synthetic.layout import is_promised, photograph_names, promised_files
 from silmesh.warm import start
 
 min_version("9.10")

@@ -8,8 +8,8 @@ as on another machine or in a container, the step runs where it was asked for. I
 same to the byte.
 
 The process ends with the one that started it; a fork with the one that asked for it, with the
-process that it is a fork of, and with the run whose step it is. Anyone on the machine may call a name
-and answer to it, so each end asks the kernel who is at the other.
+process that it is a fork of, and with the run whose step it is. Anyone on the machine may call a
+name or answer to it, so each end asks the kernel who is at the other.
 """
 
 import gc

@@ -1,7 +1,8 @@
 """Runs the workflow in a folder, follows it, and says in one message why it failed if it did.
 
 Snakemake runs as a process of its own, in a group of its own, so that all that it started ends with
-it; and it ends with this process, if that is killed. Of its text only what moves the bar is read; that it succeeded, its exit status says.
+it; and it ends with this process, if that is killed. Of its text only what moves the bar is read;
+that it succeeded, its exit status says.
 """
 
 import os
