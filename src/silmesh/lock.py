@@ -2,7 +2,8 @@
 
 A run holds the lock ``LOCK`` until it ends, and each of its steps holds ``STEPS`` together with the
 others, so that the next run begins when the last step of a killed one has ended. The kernel keeps
-both with the open files: a killed process leaves none behind.
+them with the open files: a killed process leaves none behind. The command `silmesh` holds
+``COMMAND`` while it prepares runs in a folder.
 
 The standard input of what a run starts is a pipe that only the run could write to. It never does;
 that the pipe closes tells a step, or the workflow of a command, that who started it has ended.
@@ -18,13 +19,14 @@ from pathlib import Path
 from threading import Thread
 
 LOCK = Path(".snakemake/silmesh.lock")
+COMMAND = Path(".snakemake/silmesh.command")
 STEPS = Path(".snakemake/silmesh.steps")
 LIFELINE = "SILMESH_LIFELINE"  # the variable that says which pipe it is, as no other input is
 PATIENCE = 20.0  # seconds that the steps of a killed run have to end
 LOOK = 0.05  # seconds between two looks at whether they have
 STDIN = 0
 
-_held: list[int] = []  # open until this process ends
+_held: dict[str, int] = {}  # files that are open until this process ends
 
 
 class BusyError(Exception):
@@ -36,7 +38,10 @@ def hold(path: Path | str) -> bool:
 
     Child processes do not inherit it. Where the file system knows no locks, nothing is refused.
     """
-    return _lock(path, fcntl.LOCK_EX | fcntl.LOCK_NB) is not None
+    name = os.path.abspath(path)
+    if name not in _held and (file := _lock(path, fcntl.LOCK_EX | fcntl.LOCK_NB)) is not None:
+        _held[name] = file
+    return name in _held
 
 
 def begin_run() -> None:
@@ -55,7 +60,7 @@ def begin_run() -> None:
     ours, theirs = make_lifeline()
     os.dup2(theirs, STDIN)
     os.close(theirs)
-    _held.append(ours)
+    _held[LIFELINE] = ours
     os.environ[LIFELINE] = name_lifeline(STDIN)
 
 
@@ -67,7 +72,7 @@ def join_run() -> None:
     if os.environ.get(LIFELINE) != name_lifeline(STDIN):
         return
     with suppress(OSError):  # where the folder can only be read, the step ends by its own message
-        _lock(STEPS, fcntl.LOCK_SH)
+        _held[str(STEPS)] = _lock(STEPS, fcntl.LOCK_SH)
     end_with_parent()
 
 
@@ -97,7 +102,7 @@ def name_lifeline(file: int) -> str:
 
 
 def _lock(path: Path | str, how: int) -> int | None:
-    """Lock a file until this process ends or closes it: the open file; None if another has it."""
+    """Lock a file: it, open; None if another process has it."""
     file = os.open(path, os.O_CREAT | os.O_RDWR, 0o666)
     try:
         fcntl.flock(file, how)
@@ -106,7 +111,6 @@ def _lock(path: Path | str, how: int) -> int | None:
         return None
     except OSError:
         pass
-    _held.append(file)
     return file
 
 
@@ -117,7 +121,6 @@ def _is_left(path: Path) -> bool:
         if time.monotonic() > end:
             return False
         time.sleep(LOOK)
-    _held.remove(file)
     os.close(file)
     return True
 

@@ -19,7 +19,9 @@ import yaml
 from silmesh.cli.photographs import is_video
 from silmesh.config import NAME
 from silmesh.datasets import COLUMNS, RESERVED
+from silmesh.errors import InputError
 from silmesh.files import replacing
+from silmesh.lock import COMMAND, hold
 from silmesh.plan import Plan
 from silmesh.provenance import SOURCE
 from silmesh.silhouettes.weights import cache_folder
@@ -66,8 +68,15 @@ class Workspace:
     masks: tuple[Path, ...]
 
     def prepare(self) -> str | None:
-        """Link the photographs and masks; the other version of silmesh that worked here, if any."""
-        self.folder.mkdir(parents=True, exist_ok=True)
+        """Link the photographs and masks; the other version of silmesh that worked here, if any.
+
+        Raises:
+            InputError: another process makes something in the folder
+        """
+        lock = self.folder / COMMAND
+        lock.parent.mkdir(parents=True, exist_ok=True)
+        if not hold(lock):
+            raise InputError(f"another silmesh is at work in {self.folder}; wait for its end")
         _link(self.folder / PHOTOGRAPHS, self.photographs)
         _link(self.folder / MASKS, self.masks)
         file, now = self.folder / MADE_BY, version("silmesh")
