@@ -64,11 +64,7 @@ def run_step(step: str, arguments: Sequence[str]) -> int:
         if not _call(line):
             _run_here(step, arguments)
             return 0
-        request = step, list(arguments), str(Path.cwd()), dict(os.environ)
-        socket.send_fds(line, [b"\n"], STREAMS)
-        line.sendall(json.dumps(request).encode() + b"\n")
-        with line.makefile("rb") as answer:
-            status = int(answer.read() or 1)
+        status = _ask(line, step, arguments)
     return 128 - status if status < 0 else status
 
 
@@ -136,9 +132,12 @@ class _Forks:
         status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
         self._forget(ended)
         os.close(ended)
-        with self._lines.pop(pid) as line, suppress(ConnectionError):
+        with self._lines.pop(pid) as line, suppress(ConnectionError, BlockingIOError):
             self._forget(line.fileno())
             line.sendall(str(status).encode())
+            line.setblocking(False)
+            while line.recv(1 << 16):  # what a fork was killed before it read spoils the answer
+                pass
 
     def _watch(self, file: int, event: int, act: Callable[[], None]) -> None:
         self._events.register(file, event)
@@ -147,6 +146,19 @@ class _Forks:
     def _forget(self, file: int) -> None:
         if self._acts.pop(file, None):
             self._events.unregister(file)
+
+
+def _ask(line: socket.socket, step: str, arguments: Sequence[str]) -> int:
+    """Have a step run at the other end: how it ended; 1, and a word, if nobody is left to say."""
+    request = step, list(arguments), str(Path.cwd()), dict(os.environ)
+    with suppress(ConnectionError):
+        socket.send_fds(line, [b"\n"], STREAMS)
+        line.sendall(json.dumps(request).encode() + b"\n")
+        with line.makefile("rb") as answer:
+            if status := answer.read():
+                return int(status)
+    sys.stderr.write(f"silmesh: the step {step!r} was killed, with the process that ran it\n")
+    return 1
 
 
 def _call(line: socket.socket) -> bool:
