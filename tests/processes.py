@@ -1,5 +1,7 @@
 """The processes of this machine, as Linux tells of them, for tests that kill some."""
 
+import os
+import signal
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -30,6 +32,13 @@ def wait_for(reached: Callable[[], object]) -> bool:
     while not (now := reached()) and time.monotonic() < end:
         time.sleep(0.02)
     return bool(now)
+
+
+def stop(pid: int) -> None:
+    """Stop a process, as one that waits for a disk: it cannot end by itself."""
+    os.kill(pid, signal.SIGSTOP)
+    status = Path(f"/proc/{pid}/stat")
+    assert wait_for(lambda: status.read_text().rpartition(")")[2].split()[0] == "T")
 
 
 def _read(folder: Path) -> Process | None:
