@@ -58,7 +58,7 @@ onstart:
     try:
         begin_run()
         write_report_plan()
-    except BusyError as error:
+    except (BusyError, InputError) as error:
         sys.exit(f"silmesh: {error}")
     except OSError as error:
         sys.exit(f"silmesh: {error.filename}: {error.strerror}")

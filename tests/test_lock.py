@@ -50,7 +50,7 @@ def test_a_lock_is_another_processes_until_that_ends(tmp_path):
     assert not hold(path)
     end(other)
     assert hold(path)
-    assert hold(path)  # what this process has, it has
+    assert not hold(path)  # it is taken once
     again = python(HOLD, str(path))
     assert again.stdout.readline() == "False\n"
     end(again)

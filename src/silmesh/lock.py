@@ -26,7 +26,7 @@ PATIENCE = 20.0  # seconds that the steps of a killed run have to end
 LOOK = 0.05  # seconds between two looks at whether they have
 STDIN = 0
 
-_held: dict[str, int] = {}  # files that are open until this process ends
+_held: list[int] = []  # open until this process ends
 
 
 class BusyError(Exception):
@@ -38,10 +38,10 @@ def hold(path: Path | str) -> bool:
 
     Child processes do not inherit it. Where the file system knows no locks, nothing is refused.
     """
-    name = os.path.abspath(path)
-    if name not in _held and (file := _lock(path, fcntl.LOCK_EX | fcntl.LOCK_NB)) is not None:
-        _held[name] = file
-    return name in _held
+    if (file := _lock(path, fcntl.LOCK_EX | fcntl.LOCK_NB)) is None:
+        return False
+    _held.append(file)
+    return True
 
 
 def begin_run() -> None:
@@ -60,7 +60,7 @@ def begin_run() -> None:
     ours, theirs = make_lifeline()
     os.dup2(theirs, STDIN)
     os.close(theirs)
-    _held[LIFELINE] = ours
+    _held.append(ours)
     os.environ[LIFELINE] = name_lifeline(STDIN)
 
 
@@ -72,7 +72,7 @@ def join_run() -> None:
     if os.environ.get(LIFELINE) != name_lifeline(STDIN):
         return
     with suppress(OSError):  # where the folder can only be read, the step ends by its own message
-        _held[str(STEPS)] = _lock(STEPS, fcntl.LOCK_SH)
+        _held.append(_lock(STEPS, fcntl.LOCK_SH))
     end_with_parent()
 
 

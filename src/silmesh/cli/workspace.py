@@ -29,6 +29,7 @@ from silmesh.silhouettes.weights import cache_folder
 TABLE, CONFIG = "datasets.tsv", "config.yaml"
 PHOTOGRAPHS, MASKS = "photographs", "masks"  # folders of links
 MADE_BY = "silmesh.json"
+_taken: set[Path] = set()  # the locks that this process holds
 TABLE_LINE = re.compile(rf"{re.escape(TABLE)}, line 2 \([\w-]+\): ")
 
 
@@ -73,10 +74,7 @@ class Workspace:
         Raises:
             InputError: another process makes something in the folder
         """
-        lock = self.folder / COMMAND
-        lock.parent.mkdir(parents=True, exist_ok=True)
-        if not hold(lock):
-            raise InputError(f"another silmesh is at work in {self.folder}; wait for its end")
+        _take(self.folder)
         _link(self.folder / PHOTOGRAPHS, self.photographs)
         _link(self.folder / MASKS, self.masks)
         file, now = self.folder / MADE_BY, version("silmesh")
@@ -122,6 +120,15 @@ def place_of(paths: Sequence[Path]) -> tuple[Path, str]:
     name = to_name(first.name if first.is_dir() else alone)
     named = "\n".join(sorted(str(path.absolute()) for path in paths))
     return cache_folder() / "objects" / f"{name}-{zlib.crc32(named.encode()):08x}", name
+
+
+def _take(folder: Path) -> None:
+    """Keep other processes from preparing a folder while this one lives."""
+    lock = (folder / COMMAND).absolute()
+    lock.parent.mkdir(parents=True, exist_ok=True)
+    if lock not in _taken and not hold(lock):
+        raise InputError(f"another silmesh is at work in {folder}; wait for its end")
+    _taken.add(lock)
 
 
 def _link(folder: Path, files: Sequence[Path]) -> None:

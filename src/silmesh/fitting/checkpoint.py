@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from silmesh.cameras.camera import Cameras
+from silmesh.errors import InputError
 from silmesh.files import remove, replacing
 
 EVERY = 5.0  # seconds between writes
@@ -53,14 +54,14 @@ class Checkpoint:
         try:
             with replacing(self._path) as part:
                 part.write_bytes(kept.getbuffer())
-        except OSError as error:
-            self._say(error)
+        except (OSError, InputError) as error:
+            self._say(getattr(error, "strerror", None) or str(error))
         self._last = time.monotonic()
 
-    def _say(self, error: OSError) -> None:
+    def _say(self, why: str) -> None:
         if not self._said:
-            why = f"{self._path}: {error.strerror or error}"
-            sys.stderr.write(f"{why}; the fit goes on, and begins anew if it is stopped\n")
+            then = "the fit goes on, and begins anew if it is stopped"
+            sys.stderr.write(f"{self._path}: {why}; {then}\n")
         self._said = True
 
     def remove(self) -> None:
