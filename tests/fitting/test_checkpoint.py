@@ -102,14 +102,14 @@ def full_disk():
     resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-def test_a_fit_goes_on_where_the_disk_is_full_and_says_so_once(full_disk, tmp_path, capfd):
+def test_a_fit_goes_on_where_the_disk_is_full_and_says_so_once(full_disk, tmp_path, capsys):
     path = tmp_path / "checkpoint.pt"
     whole, fit = make("softras"), make("softras")
     expected = outcome(whole, run(whole))
     checkpoint = Checkpoint(path, ["one"], every=0)
     assert outcome(fit, run(fit, checkpoint=checkpoint)) == expected
     assert list(tmp_path.iterdir()) == []
-    said = capfd.readouterr().err
+    said = capsys.readouterr().err
     assert said.startswith(f"{path}: File too large; the fit goes on, and begins anew")
     assert said.count("\n") == 1
 
