@@ -1,5 +1,6 @@
 """Photographs to meshes: silhouettes, cameras, a first mesh, the fit, and what it came to."""
 
+import logging
 import sys
 from pathlib import Path
 from shlex import quote
@@ -8,7 +9,7 @@ from snakemake.utils import min_version
 
 from silmesh.config import NAME, SoftRasFit
 from silmesh.errors import InputError
-from silmesh.lock import BusyError, begin_run, end_with_parent
+from silmesh.lock import BusyError, begin_run, end_with_parent, refuse_unwritable
 from silmesh.plan import TRAINED, WEIGHTS, Plan
 from silmesh.provenance import code_digest as digest_code
 from silmesh.provenance import file_digest, read_digest
@@ -16,6 +17,9 @@ from silmesh.synthetic.layout import is_promised, photograph_names, promised_fil
 from silmesh.warm import start
 
 min_version("9.10")
+
+# On a full disk Snakemake's log is cut, and not a traceback a line.
+logging.raiseExceptions = False
 
 # Where the command `silmesh` runs this, it ends with the command.
 end_with_parent()
@@ -48,6 +52,7 @@ report: "workflow/report/workflow.rst"
 shell.prefix(f"PATH={quote(str(Path(sys.executable).parent))}:$PATH; ")
 
 try:
+    refuse_unwritable()
     plan = Plan(config, ", ".join(map(str, workflow.configfiles)))
 except InputError as error:
     sys.exit(f"silmesh: {error}")

@@ -208,6 +208,19 @@ def test_a_full_disk_before_the_first_step(project):
     assert not (project / "results/cup/round/mesh.ply").exists()
 
 
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can mount a disk")
+def test_a_disk_that_can_only_be_read(project):
+    folder = project.folder
+    if subprocess.run(["mount", "--bind", folder, folder]).returncode:
+        pytest.skip("no disk can be mounted here")
+    try:
+        subprocess.run(["mount", "-o", "remount,bind,ro", folder], check=True)
+        said = message(refusal(project))
+        assert said.startswith(f"silmesh: {folder}: cannot be written to")
+    finally:
+        subprocess.run(["umount", folder], check=True)
+
+
 def test_hold_is_for_one_process(tmp_path):
     assert hold(tmp_path / "lock")
     assert not hold(tmp_path / "lock")

@@ -74,12 +74,13 @@ class Runner:
                 if self._verbose:
                     bar.say(line)
                 reader.read(line)
+            status = process.wait()
         except BaseException:
             _stop(process)
             raise
         finally:
             os.close(lifeline)
-        if process.wait():
+        if status:
             raise RunError(self._explain(reader), reader.failed)
 
     def _start(self, targets: Sequence[str]) -> tuple[subprocess.Popen, int]:
