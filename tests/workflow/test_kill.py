@@ -121,15 +121,18 @@ def test_a_run_is_refused_while_a_step_of_a_killed_one_lives(project, tmp_path):
     marker, mesh = tmp_path / "marker", "results/cup/round/mesh.ply"
     add_stop(project, "src/silmesh/fitting/softras.py", "        loss.backward()\n")
     run = project.start(mesh, SILMESH_TEST_STOP=str(marker))
-    step = wait_for_step(run, marker)
-    stop(step)
+    wait_for_step(run, marker)
+    others = [p.pid for p in processes(run.pid) if p.pid != run.pid]
+    for pid in others:
+        stop(pid)
     try:
         kill_alone(run)
         status, said = project.snakemake(mesh)
         assert status == 1
         assert "silmesh: a step of a run that was killed is still at work in /" in said
     finally:
-        os.kill(step, signal.SIGKILL)
+        for pid in others:
+            os.kill(pid, signal.SIGKILL)
     assert wait_for(lambda: not processes(run.pid))
     project.run(mesh)
     assert rows_of(project) == 3
