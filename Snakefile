@@ -9,7 +9,8 @@ from snakemake.utils import min_version
 
 from silmesh.config import NAME, SoftRasFit
 from silmesh.errors import InputError
-from silmesh.lock import BusyError, begin_run, end_with_parent, refuse_unwritable
+from silmesh.lock import BusyError, begin_run, end_with_parent
+from silmesh.places import try_places
 from silmesh.plan import TRAINED, WEIGHTS, Plan
 from silmesh.provenance import code_digest as digest_code
 from silmesh.provenance import file_digest, read_digest
@@ -52,10 +53,17 @@ report: "workflow/report/workflow.rst"
 shell.prefix(f"PATH={quote(str(Path(sys.executable).parent))}:$PATH; ")
 
 try:
-    refuse_unwritable()
     plan = Plan(config, ", ".join(map(str, workflow.configfiles)))
 except InputError as error:
     sys.exit(f"silmesh: {error}")
+
+
+# Before Snakemake looks for results, which it cannot where no folder of them can be.
+try:
+    try_places(plan, Path.cwd())
+except InputError as error:
+    print(f"silmesh: {error}", file=sys.stderr)
+    sys.exit(2)
 
 
 # Snakemake's own lock, which a kill leaves behind, is off in the profile.

@@ -27,7 +27,7 @@ STAGES = {
     *("training", "synthetic", "meshes", "progress", "colouring", "quality", "alignment"),
     *("agreement", "comparison", "judging"),
 }
-PLANNING = {"config", "manual", "datasets", "plan", "provenance", "lock", "warm"}
+PLANNING = {"config", "manual", "datasets", "places", "plan", "provenance", "lock", "warm"}
 # What a stage imports of another: the manifest of the working images, which says where each
 # photograph lies in its view; the turntable that the made-up photographs are taken on; and the
 # network that is trained. What judges attempts at cameras by the silhouettes stands on all three.

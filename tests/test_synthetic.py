@@ -13,6 +13,7 @@ from PIL import Image
 from scipy.ndimage import binary_dilation, binary_erosion
 
 from silmesh.errors import InputError
+from silmesh.files import MADE, making
 from silmesh.steps import synthetic as step
 from silmesh.synthetic.layout import OBJECTS, SIZE, photograph_names, turntable_angles
 from silmesh.synthetic.make import find_paint, make_object, mesh_solid
@@ -296,7 +297,8 @@ def test_the_step_writes_alois_layout_and_the_truth(tmp_path):
     names = ["apricot_r0.png", "apricot_r180.png"]
     files = sorted(p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file())
     folders = ("mask2", "png2")
-    assert files == ["apricot.ply", *(f"{f}/apricot/{n}" for f in folders for n in names)]
+    listed = [MADE, *names]  # and the list of what was made, which lets it be made anew
+    assert files == ["apricot.ply", *(f"{f}/apricot/{n}" for f in folders for n in listed)]
     image = Image.open(tmp_path / "png2/apricot" / names[0])
     mask = Image.open(tmp_path / "mask2/apricot" / names[0])
     assert (image.mode, image.size) == ("RGB", SIZE)
@@ -331,12 +333,13 @@ def test_a_step_that_fails_half_way_leaves_what_was_there(tmp_path, monkeypatch)
         raise RuntimeError("the lamp broke")
 
     before = tmp_path / "png2" / "apricot" / "old.png"
-    before.parent.mkdir(parents=True)
-    before.touch()
+    with making(before.parent) as part:
+        (part / before.name).touch()
     monkeypatch.setattr(step, "photograph", fail_at_the_second)
     with pytest.raises(RuntimeError, match="the lamp broke"):
         step.main(arguments(tmp_path))
-    assert [p for p in tmp_path.rglob("*") if p.is_file()] == [before]
+    files = [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert sorted(files) == [before.with_name(MADE), before]
 
 
 def test_the_step_names_the_objects_that_it_knows(tmp_path, capsys):

@@ -18,8 +18,6 @@ from contextlib import suppress
 from pathlib import Path
 from threading import Thread
 
-from silmesh.errors import InputError
-
 LOCK = Path(".snakemake/silmesh.lock")
 COMMAND = Path(".snakemake/silmesh.command")
 STEPS = Path(".snakemake/silmesh.steps")
@@ -44,17 +42,6 @@ def hold(path: Path | str) -> bool:
         return False
     _held.append(file)
     return True
-
-
-def refuse_unwritable() -> None:
-    """Refuse to run in a folder, or on a disk, that can only be read.
-
-    Raises:
-        InputError: this folder is one
-    """
-    for folder in (Path.cwd(), Path.cwd() / LOCK.parent):
-        if folder.exists() and not os.access(folder, os.W_OK):
-            raise InputError(f"{folder}: cannot be written to; a run needs room for its results")
 
 
 def begin_run() -> None:

@@ -22,7 +22,7 @@ from silmesh.cameras.camera import (
     write_cameras,
 )
 from silmesh.errors import InputError
-from silmesh.files import replacing
+from silmesh.files import making
 from silmesh.straighten import Straightened
 
 VIEWS, SILHOUETTES = "views", "silhouettes"  # folders of a scene
@@ -99,8 +99,7 @@ def write_scene(
         "hull_iou_mean": float(coherence.mean()),
         "hull_iou": dict(zip(cameras.views, coherence.tolist(), strict=True)),
     }
-    with replacing(folder) as part:
-        part.mkdir()
+    with making(folder) as part:
         write_cameras(part / "cameras.json", cameras)
         write = {VIEWS: straightened.write_image, SILHOUETTES: straightened.write_silhouette}
         for name, source in pictures.items():

@@ -14,7 +14,7 @@ import numpy as np
 from PIL import Image, ImageOps
 
 from silmesh.errors import InputError
-from silmesh.files import replacing
+from silmesh.files import making
 from silmesh.progress import Share, untold
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".webp", ".bmp")
@@ -269,8 +269,7 @@ def write_views(
     """
     views: list[View] = []
     unreadable: dict[str, tuple[str, str]] = {}  # file, and why
-    with replacing(folder) as part:
-        part.mkdir()
+    with making(folder) as part:
         for done, (name, source, image) in enumerate(read_photographs(paths)):
             progress(done / max(len(paths), done + 1))  # an array is one file of many
             if isinstance(image, InputError):

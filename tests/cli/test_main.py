@@ -10,11 +10,13 @@ from typing import get_args
 
 import numpy as np
 import pytest
+import surroundings
 import trimesh
 from click.shell_completion import ShellComplete
 from click.testing import CliRunner
 from PIL import Image
 from scenes import silhouettes, turntable
+from surroundings import look_around, surround
 
 from silmesh.cli.main import main
 from silmesh.config import FITS, Policy, SilhouetteSource
@@ -86,21 +88,21 @@ def photograph(folder: Path) -> Path:
     return folder
 
 
-def start(cwd: Path, *arguments):
+def start(cwd: Path, *arguments, **environment):
     kept = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "SILMESH_PROGRESS")}
     settings = {"PYTHONPATH": str(SOURCE), "SILMESH_CACHE": str(cwd / "cache")}
     return subprocess.Popen(
         [*COMMAND, *map(str, arguments), "--size", "64"],
         cwd=cwd,
-        env=kept | settings,
+        env=kept | settings | environment,
         text=True,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
     )
 
 
-def run(cwd: Path, *arguments) -> tuple[int, str, str]:
-    process = start(cwd, *arguments)
+def run(cwd: Path, *arguments, **environment) -> tuple[int, str, str]:
+    process = start(cwd, *arguments, **environment)
     said, told = process.communicate(timeout=600)
     return process.returncode, said, told
 
@@ -147,3 +149,35 @@ def test_photographs_to_a_mesh_and_on_after_an_interruption(tmp_path):
     assert last.startswith(f"silmesh: {photos}/r3.png: view 'r3', silhouettes from 'threshold': ")
     assert said == ""
     assert not (tmp_path / "other.stl").exists()
+
+
+@pytest.mark.slow
+def test_results_go_among_a_persons_files_and_change_none(tmp_path):
+    photos = photograph(tmp_path / "photos")
+    around = tmp_path / "around"
+    mesh = surroundings.file(surround(around))
+    page, keep = around / "new/page.html", around / "album/closed"
+    before = look_around(tmp_path)
+    known = "--cameras", "turntable", "--turntable", "2.732,10,30"
+    status, _, told = run(tmp_path, photos, *known, "-o", mesh, "--page", page, "--keep", keep)
+    assert status == 0, told
+    after = look_around(tmp_path)
+    assert {name for name in before if after[name] != before[name]} == {"around/out.glb"}
+    new = {name for name in after.keys() - before.keys() if "album/closed" not in name}
+    assert new == {"around/new", "around/new/page.html"}
+
+    (keep / "config.yaml").write_text("mine")
+    before = look_around(tmp_path)
+    status, _, told = run(tmp_path, photos, *known, "-o", "other.stl", "--keep", keep)
+    assert status == 2
+    assert "config.yaml: was changed" in told
+    assert look_around(tmp_path) == before
+
+
+@pytest.mark.slow
+def test_a_home_that_cannot_be_written_stops_nobody_who_names_a_folder(tmp_path):
+    photos = photograph(tmp_path / "photos")
+    known = "--cameras", "turntable", "--turntable", "2.732,10,30"
+    home = {"HOME": "/proc", "XDG_CACHE_HOME": "", "SILMESH_CACHE": ""}
+    status, _, told = run(tmp_path, photos, *known, "--keep", "work", **home)
+    assert status == 0, told

@@ -5,8 +5,10 @@ from pathlib import Path
 import av
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from PIL import Image
 
+from silmesh.cli.main import main
 from silmesh.cli.video import PARTS, cut
 from silmesh.errors import InputError
 
@@ -63,3 +65,21 @@ def test_what_is_no_video_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"turn.mp4: cannot be read as a video"):
         cut(tmp_path / "turn.mp4", tmp_path / "frames")
     assert not (tmp_path / "frames").exists()
+
+
+def test_a_video_is_cut_where_the_run_will_work(tmp_path):
+    """The options are wrong, so it ends after that; a folder of a person's is refused before."""
+    video = film(tmp_path / "a.mp4", [grey(100, True)] * 6)
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "frames").write_text("a person's")
+    words = [str(video), "--size", "3", "--silhouettes", "threshold", "--cameras", "calibrate"]
+    for name, expected in (
+        ("work", "views.size"),
+        ("work", "views.size"),
+        ("mine", "holds frames"),
+    ):
+        done = CliRunner().invoke(main, [*words, "--keep", str(tmp_path / name)])
+        assert done.exit_code == 2
+        assert expected in done.output
+    assert {path.name for path in (tmp_path / "work").iterdir()} == {"silmesh.json", "video"}
+    assert [path.name for path in (tmp_path / "mine").iterdir()] == ["frames"]

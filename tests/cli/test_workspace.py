@@ -3,8 +3,9 @@ import os
 
 import pytest
 from PIL import Image
+from surroundings import look_around
 
-from silmesh.cli.workspace import Workspace, find_snakefile, place_of, to_name
+from silmesh.cli.workspace import Workspace, find_snakefile, place_of, to_name, try_workspace
 from silmesh.config import NAME
 from silmesh.errors import InputError
 
@@ -20,6 +21,13 @@ def work(tmp_path):
         Image.new("RGB", (4, 3)).save(path)
         files.append(path)
     return Workspace(tmp_path / "cache/cup", "cup", tuple(files), ())
+
+
+def test_a_part_that_a_kill_left_makes_no_folder_someone_elses(work):
+    work.folder.mkdir(parents=True)
+    (work.folder / ".part-silmesh.json").touch()
+    work.prepare()
+    assert (work.folder / "silmesh.json").is_file()
 
 
 def test_links_are_made_anew_only_when_the_photographs_change(work):
@@ -60,6 +68,107 @@ def test_a_wrong_option_is_told_of_by_its_key(work):
         work.configure(row | {"turntable": "1;2"}, VALUES)
     assert work.restore(str(refused.value)).startswith("turntable: should be distance,elevation")
     assert not (work.folder / "config.yaml").exists()
+
+
+def test_nothing_is_written_before_the_options_are_checked(work):
+    row = {"silhouettes": "threshold", "cameras": "calibrate"}
+    with pytest.raises(InputError, match=r"^turntable: should be distance"):
+        work.check(row | {"turntable": "1;2"}, VALUES)
+    assert not work.folder.exists()
+    work.check(row, VALUES)
+    assert not work.folder.exists()
+
+
+PERSONS = {"datasets.tsv": "mine", "config.yaml": "mine", "photographs/p1.png": "mine", "a": "b"}
+
+
+@pytest.mark.parametrize("name", [*PERSONS, "silmesh.json"])
+def test_a_folder_of_a_persons_is_left_alone(work, name):
+    file = work.folder / name
+    file.parent.mkdir(parents=True)
+    file.write_text(PERSONS.get(name, '["version"]'))
+    before = look_around(work.folder)
+    remedy = "--keep should name another folder"
+    for act in (work.prepare, lambda: try_workspace(work.folder, remedy)):
+        with pytest.raises(InputError, match="should be a new or an empty one"):
+            act()
+    assert look_around(work.folder) == before
+
+
+def test_photographs_are_not_linked_to_themselves(work):
+    inside = work.photographs[0].parent
+    itself = Workspace(inside, "cup", work.photographs, ())
+    with pytest.raises(InputError, match=r"holds p1.png"):
+        itself.prepare()
+    assert [path.is_symlink() for path in work.photographs] == [False, False]
+
+
+@pytest.mark.parametrize("name", ["datasets.tsv", "config.yaml"])
+def test_what_a_person_changed_is_not_overwritten(work, name):
+    row = {"silhouettes": "threshold", "cameras": "calibrate"}
+    work.prepare()
+    for size in (32, 64, 32):
+        work.configure(row, VALUES | {"views": {"size": size}})
+    (work.folder / name).write_text("edited")
+    with pytest.raises(InputError, match=f"{name}: was changed since silmesh wrote it"):
+        work.configure(row, VALUES)
+    assert (work.folder / name).read_text() == "edited"
+    (work.folder / name).unlink()
+    work.configure(row, VALUES)
+
+
+def test_a_kill_between_the_note_and_the_file_stops_nobody(work, monkeypatch):
+    row = {"silhouettes": "threshold", "cameras": "calibrate"}
+    work.prepare()
+    work.configure(row, VALUES)
+    before = (work.folder / "config.yaml").read_text()
+    work.configure(row, VALUES | {"views": {"size": 64}})
+    (work.folder / "config.yaml").write_text(before)  # noted, and not yet written
+    work.configure(row, VALUES)
+
+
+def test_only_links_of_ours_are_removed(work):
+    work.prepare()
+    links = work.folder / "photographs"
+    fewer = Workspace(work.folder, "cup", work.photographs[:1], ())
+    (links / "mine.png").symlink_to(work.photographs[1])
+    for _ in range(2):
+        with pytest.raises(InputError, match=r"mine.png: was not put there by silmesh"):
+            fewer.prepare()
+        assert {path.name for path in links.iterdir()} == {"p1.png", "p2.png", "mine.png"}
+    (links / "mine.png").unlink()
+    fewer.prepare()
+    assert [path.name for path in links.iterdir()] == ["p1.png"]
+
+
+def test_what_a_silmesh_that_noted_nothing_left_is_its_own(work):
+    row = {"silhouettes": "threshold", "cameras": "calibrate"}
+    work.prepare()
+    work.configure(row, VALUES)
+    (work.folder / "silmesh.json").write_text(json.dumps({"version": "0.1.0"}))
+    (work.folder / "config.yaml").write_text("of another version")
+    fewer = Workspace(work.folder, "cup", work.photographs[1:], ())
+    try_workspace(work.folder, "")
+    fewer.prepare()
+    assert [path.name for path in (work.folder / "photographs").iterdir()] == ["p2.png"]
+
+
+def test_a_folder_of_photographs_that_is_a_link_is_left_alone(work):
+    work.prepare()
+    links = work.folder / "photographs"
+    links.rename(work.folder.parent / "elsewhere")
+    links.symlink_to(work.folder.parent / "elsewhere")
+    with pytest.raises(InputError, match="photographs: is not of silmesh"):
+        Workspace(work.folder, "cup", work.photographs[:1], ()).prepare()
+    assert len(list(links.iterdir())) == 2
+
+
+def test_a_cache_that_cannot_be_written_is_said_only_where_it_is_needed(work, monkeypatch):
+    monkeypatch.setenv("SILMESH_CACHE", "/proc/cache")
+    row = {"cameras": "calibrate"}
+    work.check(row | {"silhouettes": "threshold"}, VALUES)
+    with pytest.raises(InputError, match=r"/proc/cache/isnet.onnx: .*SILMESH_CACHE may name"):
+        work.check(row | {"silhouettes": "matting"}, VALUES)
 
 
 def test_messages_name_the_persons_own_files(work):

@@ -216,7 +216,7 @@ def test_a_disk_that_can_only_be_read(project):
     try:
         subprocess.run(["mount", "-o", "remount,bind,ro", folder], check=True)
         said = message(refusal(project))
-        assert said.startswith(f"silmesh: {folder}: cannot be written to")
+        assert said.startswith(f"silmesh: {folder}/results: cannot be written: ")
     finally:
         subprocess.run(["umount", folder], check=True)
 
@@ -259,3 +259,12 @@ def test_a_folder_of_cameras(project):
     assert any(job.startswith("cameras") for job in project.outdated())
     said = message(refusal(project))
     assert "cup_r90.txt: should hold the 12 numbers of a 3x4 matrix, not 3" in said
+
+
+@pytest.mark.parametrize("name", ["results", "logs"])
+def test_a_place_for_results_that_is_a_file(fresh, name):
+    (fresh / name).write_text("a person's")
+    status, said = fresh.snakemake()
+    assert status == 2
+    assert message(said) == f"silmesh: {fresh / name}: is a file; should be a folder"
+    assert (fresh / name).read_text() == "a person's"

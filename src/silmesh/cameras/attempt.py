@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from silmesh.cameras.camera import Cameras, read_cameras, write_cameras
-from silmesh.files import replacing
+from silmesh.files import making
 
 CAMERAS, REPORT = "cameras.json", "report.json"
 
@@ -46,8 +46,7 @@ def write_attempt(folder: Path, attempt: Attempt) -> None:
         "warnings": list(attempt.warnings),
         "figures": dict(attempt.figures),
     }
-    with replacing(folder) as part:
-        part.mkdir()
+    with making(folder) as part:
         if attempt.cameras is not None:
             write_cameras(part / CAMERAS, attempt.cameras)
         (part / REPORT).write_text(json.dumps(report, indent=1) + "\n")

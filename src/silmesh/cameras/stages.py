@@ -12,7 +12,7 @@ from typing import Any
 
 from silmesh.cameras.attempt import REPORT
 from silmesh.errors import InputError
-from silmesh.files import remove, replacing
+from silmesh.files import making
 
 DATABASE, MODEL = "database.db", "model"
 
@@ -48,17 +48,20 @@ def make_stage(folder: Path, before: Report, work: Callable[[Path, Report], Repo
         work: fills the folder that it is given and says what is known then; it may raise
             ``InputError``, which is a refusal
     """
-    with replacing(folder) as part:
-        part.mkdir()
-        report = before
-        if before.refusal is None:
-            try:
-                report = work(part, before)
-            except InputError as error:
-                remove(part)
-                part.mkdir()
-                report = replace(before, refusal=str(error))
-        (part / REPORT).write_text(json.dumps(asdict(report), indent=1) + "\n")
+    report = before
+    if report.refusal is None:
+        try:
+            with making(folder) as part:
+                _write_report(part, work(part, before))
+            return
+        except InputError as error:
+            report = replace(before, refusal=str(error))
+    with making(folder) as part:
+        _write_report(part, report)
+
+
+def _write_report(folder: Path, report: Report) -> None:
+    (folder / REPORT).write_text(json.dumps(asdict(report), indent=1) + "\n")
 
 
 def read_report(folder: Path) -> Report:

@@ -2,15 +2,14 @@
 
 import os
 import shlex
-import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 from silmesh.cli.choose import choose_cameras, choose_silhouettes, look
 from silmesh.cli.photographs import find_masks, find_photographs, folders_within
-from silmesh.cli.workspace import CONFIG, TABLE, find_snakefile, to_name, write_table
+from silmesh.cli.workspace import CONFIG, TABLE, find_snakefile, to_name, to_table, write_text
 from silmesh.errors import InputError
-from silmesh.files import replacing
+from silmesh.files import try_file
 
 SNAKEFILE = """\
 # The workflow of the silmesh that is installed, on the table and the configuration beside this.
@@ -51,7 +50,8 @@ def write_project(folder: Path, force: bool) -> Iterator[str]:
         lines that say what was chosen, and the next command
 
     Raises:
-        InputError: there is no such folder in it, or one cannot be used, or files are there
+        InputError: there is no such folder in it, or one cannot be used, or files are there, or
+            a file cannot be written
     """
     within = folders_within(folder)
     if not within:
@@ -60,18 +60,18 @@ def write_project(folder: Path, force: bool) -> Iterator[str]:
             f"`silmesh {folder} -o mesh.glb` makes the one of a folder of photographs"
         )
     made = [folder / name for name in ("Snakefile", TABLE, CONFIG, str(PROFILE))]
-    if there := [str(path) for path in made if path.exists() and not force]:
+    if there := [str(path) for path in made if os.path.lexists(path) and not force]:
         raise InputError(f"{', '.join(there)}: is there already; --force overwrites it")
+    for path in made:
+        try_file(path)
     rows = [_describe(path, folder) for path in within]
     _refuse_equal_names(rows, within)
     for row in rows:
         yield f"{row['object']}: silhouettes {row['silhouettes']}, cameras {row['cameras']}"
-    write_table(folder / TABLE, rows)
-    for path, text in ((made[0], SNAKEFILE), (made[2], CONFIGURATION)):
-        with replacing(path) as part:
-            part.write_text(text)
-    with replacing(made[3]) as part:
-        shutil.copyfile(find_snakefile().parent / "workflow" / PROFILE, part)
+    profile = (find_snakefile().parent / "workflow" / PROFILE).read_text()
+    texts = (SNAKEFILE, to_table(rows), CONFIGURATION, profile)
+    for path, text in zip(made, texts, strict=True):
+        write_text(path, text)
     yield f"written: {', '.join(map(str, made[:3]))}; look at the table, then:"
     yield f"cd {shlex.quote(str(folder))} && snakemake --cores {os.cpu_count()}"
 

@@ -11,6 +11,7 @@ with StoppingAtOnce():
     import click
 
     from silmesh.errors import InputError
+    from silmesh.files import NOT_OURS
 
 # Heavier modules are imported where they are used, so that help and completion come at once.
 
@@ -74,14 +75,14 @@ def main() -> None:
 @click.option(
     "-o",
     "--output",
-    type=click.Path(path_type=Path),
+    type=click.Path(path_type=Path, writable=True),
     default="mesh.glb",
     show_default=True,
     help="The mesh to write: .glb or .obj with colours, .ply with colours, .stl.",
 )
 @click.option(
     "--page",
-    type=click.Path(path_type=Path),
+    type=click.Path(path_type=Path, writable=True),
     help="Also write a page to open in a browser: the mesh in 3D, the photographs with outlines.",
 )
 @click.option(
@@ -127,7 +128,7 @@ def main() -> None:
 @click.option("--cores", type=click.IntRange(1), default=os.cpu_count(), help="Default: all.")
 @click.option(
     "--keep",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=click.Path(path_type=Path, file_okay=False, writable=True),
     help="Folder to work in, with all results and logs, in place of one in the cache.",
 )
 @click.option("--verbose", is_flag=True, help="Show all that the workflow says.")
@@ -153,13 +154,19 @@ def make(photos: tuple[Path, ...], output: Path, **options: Any) -> None:
         _end(str(error), WRONG)
     except RunError as error:
         _end(str(error), FAILED)
+    except OSError as error:
+        if error.errno not in NOT_OURS:
+            raise
+        _end(f"{error.filename}: {error.strerror}", FAILED)
     except KeyboardInterrupt:
         click.echo(MESSAGE, err=True)
         sys.exit(STOPPED)
 
 
 @main.command(context_settings=HELP)
-@click.argument("folder", type=click.Path(path_type=Path, exists=True, file_okay=False))
+@click.argument(
+    "folder", type=click.Path(path_type=Path, exists=True, file_okay=False, writable=True)
+)
 @click.option("--force", is_flag=True, help="Overwrite what is there.")
 def init(folder: Path, force: bool) -> None:
     """Write a table and a configuration for a FOLDER of folders, each of one object's photographs.

@@ -1,6 +1,7 @@
 """Makes one object's mesh: chooses sources, runs the workflow, and says what it came to."""
 
 import json
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -19,10 +20,14 @@ from silmesh.cli.outcome import (
 )
 from silmesh.cli.photographs import find_masks, find_photographs, is_video
 from silmesh.cli.runner import RunError, Runner
-from silmesh.cli.workspace import Workspace, place_of
+from silmesh.cli.workspace import Workspace, claim, place_of, try_workspace
 from silmesh.errors import InputError
+from silmesh.files import try_file
+from silmesh.silhouettes.weights import CACHE
 
 VIDEO = "video"  # folder of what a video is cut into; no masks lie beside it
+OTHER_KEEP = "--keep should name another folder"
+OTHER_CACHE = f"--keep FOLDER works in another one, and ${CACHE} may name another folder for all"
 PAGE = "results/report/report.html"
 RESULTS = ("mesh.glb", "mesh.obj", "metrics.json")
 BEFORE_CAMERAS = ("", "views", "fetch_weights", "silhouettes")  # other cameras do not mend these
@@ -56,14 +61,16 @@ def make_mesh(
         InputError: what is named cannot be used
         RunError: a step of the workflow failed
     """
-    refuse_suffix(output)
-    place, name = place_of(paths)
-    folder = (keep or place).absolute()
-    files, notes = find_photographs(_cut_video(paths, folder / VIDEO))
+    _try_outputs(output, page)
+    folder, name = place_of(paths, keep)
+    try_workspace(folder, OTHER_KEEP if keep else OTHER_CACHE)
+    files, notes = find_photographs(_cut_video(paths, folder))
     found = find_masks(files, masks) if silhouettes in (None, "mask") else []
     _say(f"{len(files)} photographs", *notes)
     silhouettes, tries = _choose(files, bool(found), silhouettes, cameras)
+    _refuse_inputs((output, page), (*files, *found))
     work = Workspace(folder, name, tuple(files), tuple(found))
+    work.check(*_configure(silhouettes, tries[0], options)[1:])
     if before := work.prepare():
         _say(f"the results in {work.folder} are of silmesh {before}; what changed is made anew")
     runner = Runner(work.folder, cores, verbose)
@@ -81,14 +88,39 @@ def make_mesh(
         _say(f"doubtful: {doubt}")
 
 
+def _try_outputs(output: Path, page: Path | None) -> None:
+    """Try whether what is asked for can be written where it is wanted.
+
+    Raises:
+        InputError: it cannot
+    """
+    refuse_suffix(output)
+    try_file(output)
+    if page:
+        try_file(page)
+        if page.absolute() == output.absolute():
+            raise InputError(f"{page}: should be another file than that of the mesh")
+
+
+def _refuse_inputs(outputs: Sequence[Path | None], files: Sequence[Path]) -> None:
+    """Refuse to write over what is read."""
+    read = {os.path.realpath(file) for file in files}
+    for output in filter(None, outputs):
+        if os.path.realpath(output) in read:
+            raise InputError(
+                f"{output}: is one of the photographs or masks; should be another file"
+            )
+
+
 def _cut_video(paths: Sequence[Path], folder: Path) -> Sequence[Path]:
-    """What is named; of a video the photographs that it is cut into."""
+    """What is named; of a video the photographs that it is cut into, in the folder to work in."""
     if len(paths) > 1 or not is_video(paths[0]):
         return paths
     from silmesh.cli.video import cut  # its libraries, for few
 
+    claim(folder)
     _say(f"{paths[0]}: is a video; the sharpest pictures are taken from it")
-    return cut(paths[0], folder / "frames")
+    return cut(paths[0], folder / VIDEO / "frames")
 
 
 def _choose(
@@ -160,6 +192,19 @@ def _run(
     Args:
         besides: what is to be made beside the results of a variant
     """
+    variant, row, values = _configure(silhouettes, cameras, options)
+    try:
+        work.configure(row, values)
+    except InputError as error:
+        raise InputError(work.restore(str(error))) from error
+    runner.run([*(work.result(variant, name) for name in RESULTS), *besides], bar)
+    return variant
+
+
+def _configure(
+    silhouettes: str, cameras: str, options: dict[str, Any]
+) -> tuple[str, dict[str, str], dict[str, Any]]:
+    """The name of a variant, what the object's row says, and the configuration."""
     kind, _, path = cameras.partition(":")
     where = f"{kind}:{Path(path).absolute()}" if path else cameras
     variant = kind if kind.isidentifier() else "mesh"
@@ -171,12 +216,7 @@ def _run(
             variant: {"init": {"shape": options["init"]}, "fit": {"preset": options["preset"]}}
         },
     }
-    try:
-        work.configure(row, values)
-    except InputError as error:
-        raise InputError(work.restore(str(error))) from error
-    runner.run([*(work.result(variant, name) for name in RESULTS), *besides], bar)
-    return variant
+    return variant, row, values
 
 
 def _read(work: Workspace, variant: str) -> dict[str, Any]:

@@ -1,5 +1,6 @@
 """What a run came to, in one line, and what to do where it is doubtful; the mesh as a file."""
 
+import os
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,10 +17,10 @@ OTHERWISE = "the cameras are wrong: try --cameras calibrate if the object turned
 
 
 def refuse_suffix(output: Path) -> None:
-    """Refuse to write a mesh in a format that is not known, or where no file can be."""
+    """Refuse to write a mesh in a format that is not known, or where a folder is."""
     if output.suffix.lower() not in SUFFIXES:
         raise InputError(f"{output}: should end in {', '.join(SUFFIXES)}, which names the format")
-    if output.is_dir():
+    if os.path.isdir(output):
         raise InputError(f"{output}: is a folder; should be the file to write")
 
 

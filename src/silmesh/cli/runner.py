@@ -17,8 +17,11 @@ from threading import Thread
 
 from silmesh.cli.bar import Bar, shorten
 from silmesh.cli.workspace import CONFIG, find_snakefile
+from silmesh.errors import InputError
+from silmesh.files import try_inside
 from silmesh.lock import LIFELINE, make_lifeline, name_lifeline
 from silmesh.progress import EVERY
+from silmesh.silhouettes.weights import user_cache
 
 TICK = 0.5  # seconds between two looks at the clock
 PATIENCE = 10.0  # seconds that a stopped run has to end by itself
@@ -89,7 +92,7 @@ class Runner:
         process = subprocess.Popen(
             self._command(targets),
             cwd=self._folder,
-            env=_environment() | {LIFELINE: name_lifeline(theirs)},
+            env=_environment(self._folder) | {LIFELINE: name_lifeline(theirs)},
             text=True,
             errors="replace",
             stdin=theirs,
@@ -163,12 +166,19 @@ class _Reader:
             self._jobs = None
 
 
-def _environment() -> dict[str, str]:
-    """This process's environment, with no defaults for Snakemake but with lines of progress."""
+def _environment(folder: Path) -> dict[str, str]:
+    """This process's environment, with no defaults for Snakemake but with lines of progress.
+
+    Where no home can be written, as in a container, Snakemake's cache is in the run's own folder.
+    """
     kept = {k: v for k, v in os.environ.items() if not k.startswith("SNAKEMAKE")}
     if "PYTHONPATH" in kept:  # it works in another folder
         parts = kept["PYTHONPATH"].split(os.pathsep)
         kept["PYTHONPATH"] = os.pathsep.join(os.path.abspath(part) for part in parts if part)
+    try:
+        try_inside(user_cache() / "snakemake")
+    except (InputError, RuntimeError):
+        kept["XDG_CACHE_HOME"] = str(folder.absolute() / ".snakemake" / "cache")
     return kept | {EVERY: "1", "PYTHONUNBUFFERED": "1"}
 
 

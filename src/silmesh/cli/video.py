@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image
 
 from silmesh.errors import InputError
-from silmesh.files import replacing
+from silmesh.files import making
 
 PARTS = 60  # photographs of a video
 SMALL = 480  # longer side of what is judged for sharpness, in pixels
@@ -32,8 +32,7 @@ def cut(video: Path, folder: Path) -> list[Path]:
     stamp = f"{video.absolute()} {seen.st_size} {seen.st_mtime_ns}\n"
     done = folder / DONE
     if not (done.is_file() and done.read_text() == stamp):
-        with replacing(folder) as part:
-            part.mkdir()
+        with making(folder) as part:
             for i, picture in enumerate(_sharpest(video)):
                 picture.save(part / f"{i:04d}.jpg", quality=QUALITY)
             (part / DONE).write_text(stamp)

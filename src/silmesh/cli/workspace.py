@@ -4,14 +4,17 @@ It lies in the cache, named by the photographs, so that the same command goes on
 """
 
 import csv
+import hashlib
+import io
 import json
 import os
 import re
 import zlib
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Container, Mapping, Sequence
+from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import yaml
@@ -20,16 +23,18 @@ from silmesh.cli.photographs import is_video
 from silmesh.config import NAME
 from silmesh.datasets import COLUMNS, RESERVED
 from silmesh.errors import InputError
-from silmesh.files import replacing
+from silmesh.files import PART, replacing, try_inside
 from silmesh.lock import COMMAND, hold
+from silmesh.places import WRITTEN, try_places
 from silmesh.plan import Plan
 from silmesh.provenance import SOURCE
 from silmesh.silhouettes.weights import cache_folder
 
 TABLE, CONFIG = "datasets.tsv", "config.yaml"
 PHOTOGRAPHS, MASKS = "photographs", "masks"  # folders of links
-MADE_BY = "silmesh.json"
+MADE_BY = "silmesh.json"  # says that the folder is ours, and what was put into it
 _taken: set[Path] = set()  # the locks that this process holds
+Link = tuple[str, str]  # name and target
 TABLE_LINE = re.compile(rf"{re.escape(TABLE)}, line 2 \([\w-]+\): ")
 
 
@@ -45,12 +50,49 @@ def to_name(folder: str) -> str:
     return name if re.fullmatch(NAME, name) and name != RESERVED else "object"
 
 
-def write_table(path: Path, rows: Sequence[Mapping[str, str]]) -> None:
-    """Write a dataset list; a row has some of its columns."""
-    with replacing(path) as part, open(part, "w", newline="", encoding="utf-8") as file:
-        table = csv.DictWriter(file, COLUMNS, restval="", delimiter="\t", lineterminator="\n")
-        table.writeheader()
-        table.writerows(rows)
+def to_table(rows: Sequence[Mapping[str, str]]) -> str:
+    """The text of a dataset list; a row has some of its columns."""
+    text = io.StringIO(newline="")
+    table = csv.DictWriter(text, COLUMNS, restval="", delimiter="\t", lineterminator="\n")
+    table.writeheader()
+    table.writerows(rows)
+    return text.getvalue()
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file of text, whole or not at all."""
+    with replacing(path) as part:
+        part.write_bytes(text.encode())
+
+
+def try_workspace(folder: Path, remedy: str) -> None:
+    """Try whether a run can work in a folder, which nobody else has put anything into.
+
+    Args:
+        remedy: what a person may do where it cannot
+
+    Raises:
+        InputError: it cannot
+    """
+    try:
+        _refuse_others(folder)
+        for place in (folder, *(folder / name for name in WRITTEN)):
+            try_inside(place)
+    except InputError as error:
+        raise InputError(f"{error}; {remedy}") from error
+
+
+def claim(folder: Path) -> str:
+    """Make a folder to work in, or take one that is empty or ours: the version that did so.
+
+    Raises:
+        InputError: it is neither
+    """
+    _refuse_others(folder)
+    if not (made := _read_made(folder)):
+        made = {"version": version("silmesh")}
+        write_text(folder / MADE_BY, json.dumps(made) + "\n")
+    return made["version"]
 
 
 @dataclass(frozen=True)
@@ -68,23 +110,8 @@ class Workspace:
     photographs: tuple[Path, ...]
     masks: tuple[Path, ...]
 
-    def prepare(self) -> str | None:
-        """Link the photographs and masks; the other version of silmesh that worked here, if any.
-
-        Raises:
-            InputError: another process makes something in the folder
-        """
-        _take(self.folder)
-        _link(self.folder / PHOTOGRAPHS, self.photographs)
-        _link(self.folder / MASKS, self.masks)
-        file, now = self.folder / MADE_BY, version("silmesh")
-        before = json.loads(file.read_text())["version"] if file.is_file() else now
-        with replacing(file) as part:
-            part.write_text(json.dumps({"version": now}) + "\n")
-        return None if before == now else before
-
-    def configure(self, row: Mapping[str, str], values: Mapping[str, Any]) -> None:
-        """Write the table and the configuration, checked.
+    def check(self, row: Mapping[str, str], values: Mapping[str, Any]) -> None:
+        """Check the options, and the places that a run with them writes into.
 
         Args:
             row: what the object's row says beside its name and its files
@@ -93,12 +120,57 @@ class Workspace:
         Raises:
             InputError: something in them, that is, on the command line, cannot be used
         """
+        with TemporaryDirectory() as scratch:
+            trial = replace(self, folder=Path(scratch))
+            try:
+                _link(trial.folder / PHOTOGRAPHS, trial.photographs, [])
+                _link(trial.folder / MASKS, trial.masks, [])
+                write_text(trial.folder / TABLE, trial._table(row))
+                plan = Plan({"datasets": trial.folder / TABLE, **values}, "the options")
+            except InputError as error:
+                raise InputError(trial.restore(str(error))) from error
+        try_places(plan, self.folder)
+
+    def prepare(self) -> str | None:
+        """Link the photographs and masks; the other version of silmesh that worked here, if any.
+
+        Raises:
+            InputError: the folder has what is not of silmesh, or another process works there
+        """
+        now, before = version("silmesh"), claim(self.folder)
+        _take(self.folder)
+        for name, files in ((PHOTOGRAPHS, self.photographs), (MASKS, self.masks)):
+            links = self.folder / name
+            ours = _ours(_links_in(links), _read_made(self.folder).get(name))
+            self._note(**{name: sorted({*ours, *_wanted(files)})})
+            _link(links, files, ours)
+        self._note(version=now)
+        return None if before == now else before
+
+    def configure(self, row: Mapping[str, str], values: Mapping[str, Any]) -> None:
+        """Write the table and the configuration, checked.
+
+        Args:
+            row, values: as in ``check``
+
+        Raises:
+            InputError: as ``check``, or somebody changed what was written before
+        """
+        self.check(row, values)
+        _refuse_others(self.folder)
+        config = yaml.safe_dump({"datasets": TABLE, **values}, sort_keys=False)
+        for name, text in ((TABLE, self._table(row)), (CONFIG, config)):
+            file, new = self.folder / name, hashlib.sha256(text.encode()).hexdigest()
+            self._note(**{name: [_digest(file), new]})  # of both, for a kill may come between
+            write_text(file, text)
+
+    def _table(self, row: Mapping[str, str]) -> str:
         files = {"object": self.object, "images": PHOTOGRAPHS}
-        masks = {"masks": MASKS} if self.masks else {}
-        write_table(self.folder / TABLE, [files | masks | row])
-        Plan({"datasets": self.folder / TABLE, **values}, "the options")
-        with replacing(self.folder / CONFIG) as part:
-            part.write_text(yaml.safe_dump({"datasets": TABLE, **values}, sort_keys=False))
+        return to_table([files | ({"masks": MASKS} if self.masks else {}) | row])
+
+    def _note(self, **values: Any) -> None:
+        """Keep in mind what is put into the folder."""
+        write_text(self.folder / MADE_BY, json.dumps(_read_made(self.folder) | values) + "\n")
 
     def result(self, variant: str, name: str) -> str:
         """The path of one of a variant's results, from the folder."""
@@ -113,11 +185,17 @@ class Workspace:
         return said
 
 
-def place_of(paths: Sequence[Path]) -> tuple[Path, str]:
-    """The folder in the cache for what a person named, and the object's name."""
+def place_of(paths: Sequence[Path], keep: Path | None = None) -> tuple[Path, str]:
+    """The folder to work in for what a person named, and the object's name.
+
+    Args:
+        keep: the folder; None for one in the cache
+    """
     first = paths[0].absolute()
     alone = first.stem if is_video(first) else first.parent.name
     name = to_name(first.name if first.is_dir() else alone)
+    if keep:
+        return keep.absolute(), name
     named = "\n".join(sorted(str(path.absolute()) for path in paths))
     return cache_folder() / "objects" / f"{name}-{zlib.crc32(named.encode()):08x}", name
 
@@ -125,19 +203,84 @@ def place_of(paths: Sequence[Path]) -> tuple[Path, str]:
 def _take(folder: Path) -> None:
     """Keep other processes from preparing a folder while this one lives."""
     lock = (folder / COMMAND).absolute()
-    lock.parent.mkdir(parents=True, exist_ok=True)
+    lock.parent.mkdir(exist_ok=True)
     if lock not in _taken and not hold(lock):
         raise InputError(f"another silmesh is at work in {folder}; wait for its end")
     _taken.add(lock)
 
 
-def _link(folder: Path, files: Sequence[Path]) -> None:
-    """Make a folder of links to these files, unless it is that already."""
-    wanted = {file.name: str(file.absolute()) for file in files}
-    there = folder.iterdir() if folder.is_dir() else ()
-    if {link.name: os.readlink(link) for link in there} == wanted:
+def _refuse_others(folder: Path) -> None:
+    """Refuse a folder, neither new nor empty, that is not ours, or what is not ours in it."""
+    names = os.listdir(folder) if os.path.isdir(folder) else []
+    if all(name.startswith(PART) for name in names):  # as a kill leaves of the first file
         return
-    with replacing(folder) as part:
-        part.mkdir()
-        for name, target in wanted.items():
-            (part / name).symlink_to(target)
+    if not (made := _read_made(folder)):
+        raise InputError(
+            f"{folder}: holds {min(names)}, and is no folder that silmesh works in; should be a "
+            "new or an empty one"
+        )
+    unnoted = [] if PHOTOGRAPHS in made else None  # an earlier silmesh noted only its version
+    for file in (folder / TABLE, folder / CONFIG):
+        known = made.get(file.name, unnoted)
+        if file.is_file() and known is not None and _digest(file) not in known:
+            raise InputError(
+                f"{file}: was changed since silmesh wrote it; should be removed, or be run as it "
+                "is by `snakemake`"
+            )
+
+
+def _read_made(folder: Path) -> dict[str, Any]:
+    """What silmesh noted of what it put into a folder; nothing if the folder is not its own."""
+    try:
+        made = json.loads((folder / MADE_BY).read_text())
+    except (OSError, ValueError):
+        return {}
+    return made if isinstance(made, dict) and "version" in made else {}
+
+
+def _digest(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else ""
+
+
+def _wanted(files: Sequence[Path]) -> list[Link]:
+    return [(file.name, str(file.absolute())) for file in files]
+
+
+def _links_in(folder: Path) -> list[Link]:
+    """Names and targets of what is in a folder; of what is no link, nothing as target.
+
+    Raises:
+        InputError: the folder is itself a link, or a file
+    """
+    if folder.is_symlink() or (folder.exists() and not folder.is_dir()):
+        raise InputError(f"{folder}: is not of silmesh; should be removed")
+    paths = folder.iterdir() if folder.is_dir() else ()
+    return [(path.name, os.readlink(path) if path.is_symlink() else "") for path in paths]
+
+
+def _ours(links: Sequence[Link], known: Sequence[Sequence[str]] | None) -> set[Link]:
+    """Those that were put there by silmesh; before it noted which, all that are links."""
+    noted = None if known is None else set(map(tuple, known))
+    return {link for link in links if link[1] and (noted is None or link in noted)}
+
+
+def _link(folder: Path, files: Sequence[Path], ours: Container[Link]) -> None:
+    """Make a folder of links to these files, unless it is that already.
+
+    Args:
+        ours: those that may be removed for it
+
+    Raises:
+        InputError: something else is in it
+    """
+    there, wanted = set(_links_in(folder)), set(_wanted(files))
+    for link in there - wanted:
+        if link not in ours:
+            raise InputError(
+                f"{folder / link[0]}: was not put there by silmesh; should be elsewhere"
+            )
+    for name, _ in there - wanted:
+        (folder / name).unlink()
+    for name, target in wanted - there:
+        with replacing(folder / name) as part:
+            part.symlink_to(target)

@@ -17,7 +17,7 @@ import numpy as np
 from PIL import Image
 
 from silmesh.errors import InputError
-from silmesh.files import replacing
+from silmesh.files import making
 from silmesh.silhouettes import alpha, mask
 from silmesh.views import View
 
@@ -74,8 +74,7 @@ def write_silhouettes(
     """
     refused, lost = [], {}
     _refuse_other_count(source, views, masks)
-    with replacing(folder) as part:
-        part.mkdir()
+    with making(folder) as part:
         files = masks or [None] * len(views)
         found = _find_each(source, views, images, files, settings)
         each = zip(views, files, found, strict=True)

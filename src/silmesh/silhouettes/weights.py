@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from silmesh.errors import InputError
-from silmesh.files import replacing
+from silmesh.files import replacing, try_file
 from silmesh.progress import Share, untold
 
 CACHE = "SILMESH_CACHE"  # names another folder for what is fetched
@@ -62,10 +62,27 @@ MODELS = {
 
 
 def cache_folder() -> Path:
-    """Where weights are kept: ``$SILMESH_CACHE``, else silmesh's folder in the user's cache."""
-    if named := os.environ.get(CACHE):
-        return Path(named).expanduser()
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "silmesh"
+    """Where weights are kept: ``$SILMESH_CACHE``, else silmesh's folder in the user's cache.
+
+    Raises:
+        InputError: neither is known
+    """
+    try:
+        named = os.environ.get(CACHE)
+        return Path(named).expanduser() if named else user_cache() / "silmesh"
+    except RuntimeError as error:
+        raise InputError(
+            f"no folder for a cache is known: {error} ${CACHE} may name one"
+        ) from error
+
+
+def user_cache() -> Path:
+    """Where programs keep what can be had again: ``$XDG_CACHE_HOME``, else ``~/.cache``.
+
+    Raises:
+        RuntimeError: no home is known
+    """
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 
 
 def find_weights(model: str) -> Path:
@@ -110,6 +127,7 @@ def fetch_weights(model: str, progress: Share = untold) -> Path:
     file, known = _place(model), MODELS[model]
     if file.is_file() and _refusal(file, known) is None:
         return file
+    try_cache(model)
     with tempfile.TemporaryDirectory() as folder:
         unpacked = Path(folder) / "weights"
         unpack(download(Path(folder), progress), known, unpacked)
@@ -118,6 +136,20 @@ def fetch_weights(model: str, progress: Share = untold) -> Path:
         with replacing(file) as part:
             shutil.copyfile(unpacked, part)
     return file
+
+
+def try_cache(model: str) -> None:
+    """Try whether a model's weights can be put into the cache, if they are to be and are not there.
+
+    Raises:
+        InputError: they cannot
+    """
+    if model not in MODELS or (file := _place(model)).is_file():
+        return
+    try:
+        try_file(file)
+    except InputError as error:
+        raise InputError(f"{error}; ${CACHE} may name another folder for a cache") from error
 
 
 def _place(model: str) -> Path:

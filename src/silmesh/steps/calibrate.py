@@ -11,7 +11,7 @@ from silmesh.cameras.attempt import write_attempt
 from silmesh.cameras.calibrate import attempt_calibration
 from silmesh.progress import share_of
 from silmesh.silhouettes import read_silhouettes
-from silmesh.steps.command import parser, run
+from silmesh.steps.command import output_folder, parser, run
 from silmesh.views import read_views
 
 
@@ -30,7 +30,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         help="the camera is taken not to look up at the table unless perspective clearly says so",
     )
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
-    args.add_argument("--output", type=Path, required=True, help="folder to make")
+    args.add_argument("--output", type=output_folder, required=True, help="folder to make")
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)
     views = read_views(given.views)

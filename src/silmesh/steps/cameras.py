@@ -8,7 +8,7 @@ from silmesh.cameras.attempt import Attempt, write_attempt
 from silmesh.cameras.formats import attempt_from_file
 from silmesh.cameras.turntable import turntable_cameras
 from silmesh.errors import blaming
-from silmesh.steps.command import parser, run
+from silmesh.steps.command import output_folder, parser, run
 from silmesh.views import read_views
 
 
@@ -25,7 +25,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         help="in scene units and degrees",
     )
     source.add_argument("--file", type=Path, help="a file or a folder of cameras")
-    args.add_argument("--output", type=Path, required=True, help="folder to make")
+    args.add_argument("--output", type=output_folder, required=True, help="folder to make")
     given = args.parse_args(argv)
     views = read_views(given.views)
     if given.file:

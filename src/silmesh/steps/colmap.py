@@ -11,7 +11,7 @@ from silmesh.cameras.attempt import Attempt, write_attempt
 from silmesh.cameras.colmap import attempt_model
 from silmesh.cameras.stages import MODEL, read_report
 from silmesh.silhouettes import read_silhouettes
-from silmesh.steps.command import parser, run
+from silmesh.steps.command import output_folder, parser, run
 from silmesh.views import View, read_views
 
 
@@ -22,7 +22,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--views", type=Path, required=True, help="folder of the working images")
     args.add_argument("--silhouettes", type=Path, required=True, help="folder of the silhouettes")
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
-    args.add_argument("--output", type=Path, required=True, help="folder to make")
+    args.add_argument("--output", type=output_folder, required=True, help="folder to make")
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)
     attempt = judge("colmap", given.model, read_views(given.views), given.silhouettes)

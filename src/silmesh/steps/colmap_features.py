@@ -6,7 +6,7 @@ from pathlib import Path
 from silmesh.cameras.features import extract
 from silmesh.cameras.stages import Report, make_stage
 from silmesh.progress import share_of
-from silmesh.steps.command import parser, run
+from silmesh.steps.command import output_folder, parser, run
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -16,7 +16,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--max-size", type=int, default=1600, help="pixels of the longer side")
     args.add_argument("--features", type=int, default=4096, help="the most of each photograph")
     args.add_argument("--threads", type=int, default=1)
-    args.add_argument("--output", type=Path, required=True, help="folder to make")
+    args.add_argument("--output", type=output_folder, required=True, help="folder to make")
     given = args.parse_args(argv)
     progress = share_of(f"colmap_features {given.output}")
     make_stage(

@@ -6,7 +6,7 @@ from pathlib import Path
 from silmesh.cameras.mapping import MAPPERS, map_views
 from silmesh.cameras.stages import DATABASE, make_stage, read_report
 from silmesh.progress import share_of
-from silmesh.steps.command import parser, run
+from silmesh.steps.command import output_folder, parser, run
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -15,7 +15,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--matches", type=Path, required=True, help="folder of the matches")
     args.add_argument("--mapping", choices=list(MAPPERS), required=True)
     args.add_argument("--seed", type=int, default=0)
-    args.add_argument("--output", type=Path, required=True, help="folder to make")
+    args.add_argument("--output", type=output_folder, required=True, help="folder to make")
     given = args.parse_args(argv)
     progress = share_of(f"colmap_map {given.output}")
     make_stage(

@@ -16,7 +16,7 @@ from silmesh.cameras.stages import DATABASE, make_stage, read_report
 from silmesh.progress import share_of, within
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.colmap import judge
-from silmesh.steps.command import parser, run
+from silmesh.steps.command import output_folder, parser, run
 from silmesh.views import read_views
 
 SOURCE = "colmap, masked"
@@ -34,7 +34,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--mapping", choices=list(MAPPERS), required=True)
     args.add_argument("--seed", type=int, default=0)
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
-    args.add_argument("--output", type=Path, required=True, help="folder to make")
+    args.add_argument("--output", type=output_folder, required=True, help="folder to make")
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)
     attempt = _good_enough(given.unmasked)
@@ -42,6 +42,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         views = read_views(given.views)
         progress = share_of(f"colmap_masked {given.output}")
         seen = read_silhouettes(given.silhouettes, [view.view for view in views])
+        given.output.parent.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(dir=given.output.parent, prefix=".part-") as scratch:
             inside, matches, model = (Path(scratch) / name for name in ("f", "m", "s"))
             make_stage(

@@ -6,7 +6,7 @@ from pathlib import Path
 from silmesh.cameras.matching import match
 from silmesh.cameras.stages import DATABASE, make_stage, read_report
 from silmesh.progress import share_of
-from silmesh.steps.command import parser, run
+from silmesh.steps.command import output_folder, parser, run
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -16,7 +16,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--matching", choices=["exhaustive", "sequential"], required=True)
     args.add_argument("--seed", type=int, default=0)
     args.add_argument("--threads", type=int, default=1)
-    args.add_argument("--output", type=Path, required=True, help="folder to make")
+    args.add_argument("--output", type=output_folder, required=True, help="folder to make")
     given = args.parse_args(argv)
     progress = share_of(f"colmap_matches {given.output}")
     make_stage(

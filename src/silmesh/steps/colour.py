@@ -8,7 +8,7 @@ from silmesh.colouring import colour_vertices
 from silmesh.meshes import read_mesh, write_coloured
 from silmesh.scene import SILHOUETTES, VIEWS
 from silmesh.silhouettes import read_silhouettes
-from silmesh.steps.command import parser, run
+from silmesh.steps.command import output_file, parser, run
 from silmesh.views import read_pictures
 
 
@@ -18,7 +18,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--mesh", type=Path, required=True, help="the fitted mesh")
     args.add_argument("--cameras", type=Path, required=True, help="cameras.json of its world")
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
-    args.add_argument("--meshes", type=Path, nargs="+", required=True, help="to write: obj, glb")
+    args.add_argument(
+        "--meshes", type=output_file, nargs="+", required=True, help="to write: obj, glb"
+    )
     given = args.parse_args(argv)
 
     cameras, mesh = read_cameras(given.cameras), read_mesh(given.mesh)

@@ -1,22 +1,54 @@
 """How a step meets the command line: its parser, and errors of the user's without a traceback."""
 
 import argparse
-import errno
+import os
 import shlex
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import NoReturn
 
 from silmesh.errors import InputError
+from silmesh.files import NOT_OURS, try_file, try_folder, try_inside
 
-NOT_OURS = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES}  # what a disk refuses
+
+class _Parser(argparse.ArgumentParser):
+    """A parser whose errors are told as those of the steps are."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.format_usage()}silmesh: {message}\n")
 
 
 def parser(doc: str) -> argparse.ArgumentParser:
-    """A parser that shows the step's docstring and the arguments' defaults."""
-    return argparse.ArgumentParser(
-        description=doc, formatter_class=argparse.ArgumentDefaultsHelpFormatter
-    )
+    """A parser that shows the step's docstring and the arguments' defaults.
+
+    An argument that names what is written has the type ``output_file``,
+    ``output_folder`` or ``output_place``.
+    """
+    return _Parser(description=doc, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+
+
+def output_file(path: str) -> Path:
+    """The type of an argument that names a file to write: it is tried as it is parsed."""
+    return _tried(try_file, path)
+
+
+def output_folder(path: str) -> Path:
+    """The type of an argument that names a folder to make, likewise."""
+    return _tried(try_folder, path)
+
+
+def output_place(path: str) -> Path:
+    """The type of an argument that names a file to write, or a folder to write files into."""
+    return _tried(try_inside if os.path.isdir(path) else try_file, path)
+
+
+def _tried(attempt: Callable[[Path], None], path: str) -> Path:
+    try:
+        attempt(Path(path))
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+    return Path(path)
 
 
 def run(main: Callable[[Sequence[str] | None], None]) -> None:

@@ -16,7 +16,7 @@ from silmesh.meshes import read_mesh, to_tensors
 from silmesh.quality import measure_quality
 from silmesh.scene import SILHOUETTES, read_scene
 from silmesh.silhouettes import read_silhouettes
-from silmesh.steps.command import parser, run
+from silmesh.steps.command import output_file, parser, run
 from silmesh.views import held_out
 
 
@@ -34,7 +34,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--sigma", type=float, required=True, help="as in the fit")
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument("--results", type=Path, default=Path("results"), help="for relative paths")
-    args.add_argument("--output", type=Path, required=True, help="metrics.json to write")
+    args.add_argument("--output", type=output_file, required=True, help="metrics.json to write")
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from silmesh.cameras.camera import read_cameras
 from silmesh.cameras.formats import WRITERS
-from silmesh.steps.command import parser, run
+from silmesh.steps.command import output_place, parser, run
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -16,7 +16,12 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument(
         "--image", default="{view}.png", help="path of an image, with {view} for its view"
     )
-    args.add_argument("--output", type=Path, required=True, help="folder or transforms.json")
+    args.add_argument(
+        "--output",
+        type=output_place,
+        required=True,
+        help="folder to write into, or transforms.json",
+    )
     given = args.parse_args(argv)
     cameras = read_cameras(given.cameras)
     images = {view: given.image.replace("{view}", view) for view in cameras.views}

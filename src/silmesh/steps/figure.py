@@ -13,7 +13,7 @@ from silmesh.report.pictures import quarter_turn
 from silmesh.report.tables import read_published
 from silmesh.scene import SILHOUETTES, VIEWS
 from silmesh.silhouettes import read_silhouettes
-from silmesh.steps.command import parser, run
+from silmesh.steps.command import output_file, parser, run
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -28,7 +28,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--order", nargs="+", required=True, help="all variants; decides the colours")
     args.add_argument("--published", type=Path, help="table of published curves")
     args.add_argument("--curves", nargs="+", help="the published variant that each repeats")
-    args.add_argument("--outputs", type=Path, nargs="+", required=True, help="to write: svg, png")
+    args.add_argument(
+        "--outputs", type=output_file, nargs="+", required=True, help="to write: svg, png"
+    )
     given = args.parse_args(argv)
     losses = dict(zip(given.variants, map(pd.read_csv, given.losses), strict=True))
     published = {}

@@ -21,7 +21,7 @@ from silmesh.shapes.choose import ROUNDS
 from silmesh.shapes.first import SHAPES, Init, first_mesh
 from silmesh.shapes.looks import crop
 from silmesh.silhouettes import read_silhouettes
-from silmesh.steps.command import parser, run
+from silmesh.steps.command import output_file, parser, run
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -38,8 +38,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--laplacian", type=float, default=0.03, help="weight in auto's trials")
     args.add_argument("--flatten", type=float, default=0.0003, help="weight in auto's trials")
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
-    args.add_argument("--output", type=Path, required=True, help="PLY to write")
-    args.add_argument("--report", type=Path, required=True, help="init.json to write")
+    args.add_argument("--output", type=output_file, required=True, help="PLY to write")
+    args.add_argument("--report", type=output_file, required=True, help="init.json to write")
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)
     cameras, _, scene = read_scene(given.scene)

@@ -21,7 +21,7 @@ from silmesh.meshes import read_mesh, to_tensors, write_mesh
 from silmesh.progress import Progress
 from silmesh.scene import SILHOUETTES, read_scene
 from silmesh.silhouettes import read_silhouettes
-from silmesh.steps.command import parser, run
+from silmesh.steps.command import output_file, parser, run
 from silmesh.views import held_out
 
 PROCEDURES = {"softras": (SoftRas, softras.Settings), "fast": (Fast, fast.Settings)}
@@ -87,11 +87,15 @@ def _parse(argv: Sequence[str] | None) -> argparse.Namespace:
     args.add_argument("--device", choices=["cpu", "cuda", "auto"], default="auto")
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument("--name", default="fit", help="what progress lines call this fit")
-    args.add_argument("--checkpoint", type=Path, help="file to go on from, and to leave if killed")
+    args.add_argument(
+        "--checkpoint", type=output_file, help="file to go on from, and to leave if killed"
+    )
     args.add_argument("--code", default="", help="digest of the code, in the checkpoint's key")
-    args.add_argument("--meshes", type=Path, nargs="+", required=True, help="to write: ply, obj...")
-    args.add_argument("--cameras", type=Path, required=True, help="cameras.json to write")
-    args.add_argument("--loss", type=Path, required=True, help="loss.csv to write")
+    args.add_argument(
+        "--meshes", type=output_file, nargs="+", required=True, help="to write: ply, obj..."
+    )
+    args.add_argument("--cameras", type=output_file, required=True, help="cameras.json to write")
+    args.add_argument("--loss", type=output_file, required=True, help="loss.csv to write")
     return args.parse_args(argv)
 
 

@@ -11,7 +11,7 @@ from silmesh.report.gallery import Shot, describe_gallery
 from silmesh.report.sheet import draw_sheet
 from silmesh.scene import SILHOUETTES, VIEWS, read_scene
 from silmesh.silhouettes import read_silhouettes
-from silmesh.steps.command import parser, run
+from silmesh.steps.command import output_file, parser, run
 
 LOST = "lost"  # a view without a camera
 
@@ -22,8 +22,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--views", type=Path, required=True, help="folder of all working images")
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene as found")
     args.add_argument("--judged", type=Path, required=True, help="folder of the scene as fitted")
-    args.add_argument("--sheet", type=Path, required=True, help="PNG to write")
-    args.add_argument("--output", type=Path, required=True, help="JSON for the page to write")
+    args.add_argument("--sheet", type=output_file, required=True, help="PNG to write")
+    args.add_argument(
+        "--output", type=output_file, required=True, help="JSON for the page to write"
+    )
     given = args.parse_args(argv)
     shots = [_read(row, given.scene, given.judged) for row in read_table(given.judged)]
     with replacing(given.sheet) as part:

@@ -15,7 +15,7 @@ from PIL import Image
 from silmesh.cameras.camera import Cameras, Similarity
 from silmesh.errors import blaming
 from silmesh.evaluation import coherence
-from silmesh.files import replacing
+from silmesh.files import making
 from silmesh.hull import carve
 from silmesh.judging.policy import DROPPED, KEPT, REPAIRED, WEIGHTS, Decision, decide
 from silmesh.judging.repair import repair
@@ -24,7 +24,7 @@ from silmesh.judging.votes import on_frame
 from silmesh.progress import share_of
 from silmesh.scene import SILHOUETTES, VIEWS, normalising, read_scene, write_scene
 from silmesh.silhouettes import encode, read_silhouettes
-from silmesh.steps.command import parser, run
+from silmesh.steps.command import output_folder, parser, run
 
 ORIGINALS = "originals"  # in the scene's folder
 LOWERING = "lowers the hull IoU most"  # what the scene says of views, where nothing worse is found
@@ -39,7 +39,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--fewest", type=int, default=3, help="views that must be left")
     args.add_argument("--keep-world", action="store_true", help="it is normalised already")
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
-    args.add_argument("--output", type=Path, required=True, help="folder to make")
+    args.add_argument("--output", type=output_folder, required=True, help="folder to make")
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)
     numba.set_num_threads(min(given.threads, numba.config.NUMBA_NUM_THREADS))
@@ -109,7 +109,7 @@ def _write(
     decision: Decision,
 ) -> None:
     """Write the scene anew, with ``quality.csv`` and the doubtful silhouettes as they were."""
-    with replacing(output) as part, TemporaryDirectory() as made:
+    with making(output) as part, TemporaryDirectory() as made:
         for i in decision.fitted:
             encode(decision.silhouettes[i]).save(Path(made) / f"{views[i]}.png")
         write_scene(part, *world, {VIEWS: scene / VIEWS, SILHOUETTES: Path(made)}, told)

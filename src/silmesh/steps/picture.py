@@ -13,7 +13,7 @@ from silmesh.report.rings import look_ahead
 from silmesh.report.turntable import draw_turn, write_gif, write_mp4
 from silmesh.scene import SILHOUETTES, VIEWS, read_scene
 from silmesh.silhouettes import read_silhouettes
-from silmesh.steps.command import parser, run
+from silmesh.steps.command import output_file, parser, run
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -24,10 +24,12 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--cameras", type=Path, required=True, help="cameras.json of its world")
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
     args.add_argument("--sigma", type=float, required=True, help="as in the fit")
-    args.add_argument("--output", type=Path, required=True, help="PNG to write")
-    args.add_argument("--gif", type=Path, required=True, help="turntable to write")
-    args.add_argument("--mp4", type=Path, required=True, help="the same as a film")
-    args.add_argument("--exhibit", type=Path, required=True, help="JSON for the page to write")
+    args.add_argument("--output", type=output_file, required=True, help="PNG to write")
+    args.add_argument("--gif", type=output_file, required=True, help="turntable to write")
+    args.add_argument("--mp4", type=output_file, required=True, help="the same as a film")
+    args.add_argument(
+        "--exhibit", type=output_file, required=True, help="JSON for the page to write"
+    )
     given = args.parse_args(argv)
     mesh, cameras = read_mesh(given.mesh), read_cameras(given.cameras)
     similarity = read_scene(given.scene)[1]

@@ -25,7 +25,7 @@ from silmesh.report.tables import (
     read_published,
 )
 from silmesh.scene import read_scene
-from silmesh.steps.command import parser, run
+from silmesh.steps.command import output_file, parser, run
 from silmesh.views import held_out
 
 
@@ -34,9 +34,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     args = parser(__doc__)
     args.add_argument("--plan", type=Path, required=True, help="JSON: runs, settings, objects")
     args.add_argument("--results", type=Path, default=Path("results"), help="their folder")
-    args.add_argument("--losses", type=Path, required=True, help="losses.csv to write")
-    args.add_argument("--summary", type=Path, required=True, help="summary.csv to write")
-    args.add_argument("--page", type=Path, required=True, help="report.html to write")
+    args.add_argument("--losses", type=output_file, required=True, help="losses.csv to write")
+    args.add_argument("--summary", type=output_file, required=True, help="summary.csv to write")
+    args.add_argument("--page", type=output_file, required=True, help="report.html to write")
     given = args.parse_args(argv)
     plan = json.loads(given.plan.read_text(encoding="utf-8"))
     folders = {(r["object"], r["variant"]): _folder(given.results, r) for r in plan["runs"]}

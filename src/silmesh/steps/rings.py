@@ -12,7 +12,7 @@ from silmesh.hull import carve
 from silmesh.report.rings import draw_rings
 from silmesh.scene import SILHOUETTES, read_scene
 from silmesh.silhouettes import read_silhouettes
-from silmesh.steps.command import parser, run
+from silmesh.steps.command import output_file, parser, run
 
 RESOLUTION = 64  # of the hull
 
@@ -22,7 +22,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args = parser(__doc__)
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
-    args.add_argument("--output", type=Path, required=True, help="PNG to write")
+    args.add_argument("--output", type=output_file, required=True, help="PNG to write")
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)
     cameras, _, scene = read_scene(given.scene)

@@ -13,7 +13,7 @@ from silmesh.errors import InputError, blaming
 from silmesh.hull import find_doubtful
 from silmesh.scene import SILHOUETTES, VIEWS, write_scene
 from silmesh.silhouettes import read_lost, read_silhouettes
-from silmesh.steps.command import parser, run
+from silmesh.steps.command import output_folder, parser, run
 from silmesh.views import read_views
 
 DOUBTFUL = 0.5  # below this hull IoU a person is told before the fit, not only on the page
@@ -27,7 +27,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--cameras", type=Path, nargs="+", required=True, help="attempts' folders")
     args.add_argument("--keep-world", action="store_true", help="it is normalised already")
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
-    args.add_argument("--output", type=Path, required=True, help="folder to make")
+    args.add_argument("--output", type=output_folder, required=True, help="folder to make")
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)
     attempts, placed = zip(*(_place(folder, given) for folder in given.cameras), strict=True)

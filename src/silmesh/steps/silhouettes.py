@@ -8,7 +8,7 @@ from typing import Any
 
 from silmesh.progress import Progress
 from silmesh.silhouettes import NETWORKS, SOURCES, write_silhouettes
-from silmesh.steps.command import parser, run
+from silmesh.steps.command import output_folder, parser, run
 from silmesh.views import read_views
 
 
@@ -23,7 +23,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument(
         "--spare", action="store_true", help="an unusable silhouette is empty and not refused"
     )
-    args.add_argument("--output", type=Path, required=True, help="folder to make")
+    args.add_argument("--output", type=output_folder, required=True, help="folder to make")
     given = args.parse_args(argv)
     views = read_views(given.views)
     spared = write_silhouettes(

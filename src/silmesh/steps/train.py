@@ -17,7 +17,7 @@ from silmesh.files import remove, replacing
 from silmesh.progress import Progress
 from silmesh.provenance import code_digest
 from silmesh.silhouettes.network import MODELS, load_weights, write_weights
-from silmesh.steps.command import parser, run
+from silmesh.steps.command import output_file, parser, run
 from silmesh.training.backgrounds import find_backgrounds, make_textures, read_backgrounds, split
 from silmesh.training.cutouts import read_cutout
 from silmesh.training.loop import Material, Settings, Training
@@ -41,9 +41,11 @@ def parse(argv: Sequence[str] | None) -> argparse.Namespace:
     args.add_argument("--learning-rate", type=float, required=True, help="the highest")
     args.add_argument("--seed", type=int, default=0)
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
-    args.add_argument("--checkpoint", type=Path, required=True, help="to write, and to go on from")
-    args.add_argument("--table", type=Path, required=True, help="epochs.csv to write")
-    args.add_argument("--output", type=Path, required=True, help="file of weights to write")
+    args.add_argument(
+        "--checkpoint", type=output_file, required=True, help="to write, and to go on from"
+    )
+    args.add_argument("--table", type=output_file, required=True, help="epochs.csv to write")
+    args.add_argument("--output", type=output_file, required=True, help="file of weights to write")
     args.add_argument("--saves", type=float, default=30.0, help="seconds between checkpoints")
     return args.parse_args(argv)
 

@@ -4,14 +4,14 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from silmesh.meshes import read_mesh, refuse_flat, to_tensors, write_mesh
-from silmesh.steps.command import parser, run
+from silmesh.steps.command import output_file, parser, run
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Parse, load, call, save."""
     args = parser(__doc__)
     args.add_argument("--mesh", type=Path, required=True, help="in any format that trimesh reads")
-    args.add_argument("--output", type=Path, required=True, help="PLY to write")
+    args.add_argument("--output", type=output_file, required=True, help="PLY to write")
     given = args.parse_args(argv)
     mesh = read_mesh(given.mesh)
     refuse_flat(given.mesh, mesh)

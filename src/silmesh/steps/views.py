@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from silmesh.progress import share_of
-from silmesh.steps.command import parser, run
+from silmesh.steps.command import output_folder, parser, run
 from silmesh.views import count_frames, write_views
 
 
@@ -18,7 +18,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument(
         "--fewest", type=int, help="photographs that must be readable; all if not given"
     )
-    args.add_argument("--output", type=Path, required=True, help="folder to make")
+    args.add_argument("--output", type=output_folder, required=True, help="folder to make")
     given = args.parse_args(argv)
     progress = share_of(f"views {given.output}")
     views = write_views(

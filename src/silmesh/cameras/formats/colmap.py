@@ -25,7 +25,7 @@ from silmesh.cameras.formats.parts import (
 )
 from silmesh.cameras.lens import CURVED, PLAIN, Lens, lens_of
 from silmesh.errors import InputError, blaming
-from silmesh.files import replacing
+from silmesh.files import replacing, try_file
 
 MODELS = {  # by their number in a binary model
     0: "SIMPLE_PINHOLE",
@@ -53,7 +53,8 @@ WIDER = {  # with two focal lengths, as images that were stretched need
     "SIMPLE_RADIAL_FISHEYE": "OPENCV_FISHEYE",
     "RADIAL_FISHEYE": "OPENCV_FISHEYE",
 }
-HEADER = "# {}, written by silmesh; pixel centres lie at integer + 0.5\n"
+OURS = b"written by silmesh"
+HEADER = f"# {{}}, {OURS.decode()}; pixel centres lie at integer + 0.5\n"
 Intrinsics = tuple[tuple[int, int], np.ndarray, Lens | None]  # size, K, lens
 
 
@@ -194,20 +195,33 @@ def write(folder: Path, cameras: Cameras, images: Mapping[str, str]) -> None:
     """Write a text model of these cameras, each view with a camera of its own, and no points.
 
     Args:
+        folder: where ``cameras.txt``, ``images.txt`` and ``points3D.txt`` go; what else is in it
+            stays
         images: by its view the name of an image
 
     Raises:
-        InputError: a camera has a skew, which COLMAP's models have not
+        InputError: a camera has a skew, which COLMAP's models have not; a place cannot be written
     """
-    with replacing(folder) as part:
-        part.mkdir()
-        with open(part / "cameras.txt", "w", encoding="utf-8") as file:
-            file.write(HEADER.format("CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]"))
-            file.writelines(_camera_row(cameras, i) for i in range(len(cameras)))
-        with open(part / "images.txt", "w", encoding="utf-8") as file:
-            file.write(HEADER.format("IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME"))
-            file.writelines(_image_rows(cameras, i, images[v]) for i, v in enumerate(cameras.views))
-        (part / "points3D.txt").write_text(HEADER.format("no points"))
+    camera_rows = [_camera_row(cameras, i) for i in range(len(cameras))]
+    image_rows = [_image_rows(cameras, i, images[view]) for i, view in enumerate(cameras.views)]
+    columns = "IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME"
+    files = {
+        "cameras.txt": ["CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]", *camera_rows],
+        "images.txt": [columns, *image_rows],
+        "points3D.txt": ["no points"],
+    }
+    for name in files:
+        _refuse_other_model(folder / name)
+        try_file(folder / name)
+    for name, (head, *rows) in files.items():
+        with replacing(folder / name) as part:
+            part.write_text(HEADER.format(head) + "".join(rows), encoding="utf-8")
+
+
+def _refuse_other_model(file: Path) -> None:
+    """Refuse to write over a file of a model that another program wrote."""
+    if file.is_file() and OURS not in file.read_bytes()[: len(HEADER) + 80]:
+        raise InputError(f"{file}: is there, and not of silmesh; should be in another folder")
 
 
 def _camera_row(cameras: Cameras, i: int) -> str:
