@@ -72,8 +72,8 @@ def test_a_kill_in_the_middle_of_a_fit(project, finished, tmp_path):
 @pytest.mark.parametrize("target", ["views/32-pad", "cameras/32-pad-turntable"])
 def test_a_kill_in_the_middle_of_writing(project, finished, tmp_path, target):
     marker = tmp_path / "marker"
-    writing = f"path.name == {Path(target).name!r}"
-    add_stop(project, "src/silmesh/files.py", "        yield part\n", writing)
+    writing = f"folder.name == {Path(target).name!r}"
+    add_stop(project, "src/silmesh/files.py", "        _list_made(part)\n", writing)
     path = f"results/cup/stages/{target}"
     project.run("results/cup/stages/views/32-pad")
     (project / "config/config.yaml").touch()
