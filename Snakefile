@@ -1,5 +1,6 @@
 """Photographs to meshes: silhouettes, cameras, a first mesh, the fit, and what it came to."""
 
+import logging
 import sys
 from pathlib import Path
 from shlex import quote
@@ -8,16 +9,22 @@ from snakemake.utils import min_version
 
 from silmesh.config import NAME, SoftRasFit
 from silmesh.errors import InputError
-from silmesh.lock import hold
+from silmesh.lock import BusyError, begin_run, end_with_parent
 from silmesh.places import try_places
 from silmesh.plan import TRAINED, WEIGHTS, Plan
 from silmesh.provenance import code_digest as digest_code
-from silmesh.provenance import file_digest
-from silmesh.synthetic.layout import photograph_names
+from silmesh.provenance import file_digest, read_digest
+from silmesh.synthetic.layout import is_promised, photograph_names, promised_files
 from silmesh.warm import start
 from silmesh.yamls import read_configuration
 
 min_version("9.10")
+
+# On a full disk Snakemake's log is cut, and not a traceback a line.
+logging.raiseExceptions = False
+
+# Where the command `silmesh` runs this, it ends with the command.
+end_with_parent()
 
 # What is left of a run; any of it that is lost is made again.
 RESULTS = (
@@ -70,11 +77,13 @@ except InputError as error:
 
 # Snakemake's own lock, which a kill leaves behind, is off in the profile.
 onstart:
-    if not hold(".snakemake/silmesh.lock"):
-        sys.exit(
-            f"silmesh: another run is at work in {Path.cwd()}; wait for its end"
-        )
-    write_report_plan()
+    try:
+        begin_run()
+        write_report_plan()
+    except (BusyError, InputError) as error:
+        sys.exit(f"silmesh: {error}")
+    except OSError as error:
+        sys.exit(f"silmesh: {error.filename}: {error.strerror}")
     start()
     tell_unused()
 

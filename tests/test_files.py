@@ -1,6 +1,7 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -238,6 +239,32 @@ def test_a_part_that_a_kill_left_is_removed_first(tmp_path, kind):
     with replacing(path) as part:
         assert not part.exists()
         part.write_text("whole")
+    assert list(tmp_path.iterdir()) == [path]
+
+
+WRITE = """
+import sys, time
+from silmesh.files import replacing
+with replacing(sys.argv[1]) as part:
+    part.write_text("half")
+    print(part, flush=True)
+    time.sleep(600)
+"""
+
+
+def test_a_part_of_a_process_that_lives_stays_and_goes_when_it_is_killed(tmp_path):
+    path = tmp_path / "out"
+    command, pipe = [sys.executable, "-c", WRITE, str(path)], subprocess.PIPE
+    with subprocess.Popen(command, stdout=pipe, text=True) as other:
+        half = Path(other.stdout.readline().strip())
+        with replacing(path) as part:
+            assert part != half
+            part.write_text("whole")
+        assert (half.read_text(), path.read_text()) == ("half", "whole")
+        other.kill()
+    with replacing(path) as part:
+        assert not half.exists()
+        part.write_text("again")
     assert list(tmp_path.iterdir()) == [path]
 
 

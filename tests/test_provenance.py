@@ -1,12 +1,14 @@
 """The digest changes with the code that a step runs, and with nothing else."""
 
+import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from silmesh.provenance import SOURCE, code_digest
+from silmesh.provenance import SMALL, SOURCE, code_digest
 
 STEP = '''\
 """A step."""
@@ -144,3 +146,51 @@ def test_the_snakefile_imports_nothing_heavy():
         [sys.executable, "-c", code], env=environment, text=True, capture_output=True, check=True
     )
     assert done.stdout.strip() == "set()"
+
+
+def read_digest(*files: Path) -> str:
+    """What a new process finds: one looks at each file once."""
+    code = (
+        "import sys; from silmesh.provenance import read_digest; print(read_digest(sys.argv[1:]))"
+    )
+    words = [sys.executable, "-c", code, *map(str, files)]
+    return subprocess.run(words, capture_output=True, text=True, check=True).stdout
+
+
+@pytest.mark.parametrize("size", [10, SMALL + 1])
+def test_a_file_replaced_by_an_older_one_is_another(size, tmp_path):
+    file, older = tmp_path / "file", tmp_path / "older"
+    file.write_bytes(bytes(size))
+    older.write_bytes(bytes([1]) * size)
+    os.utime(older, (1e9, 1e9))
+    before, kept = read_digest(file), shutil.copy2(file, tmp_path / "kept")
+    shutil.copy2(older, file)
+    assert read_digest(file) != before
+    shutil.copy2(kept, file)
+    assert read_digest(file) == before
+
+
+@pytest.mark.parametrize("size", [10, SMALL + 1])
+def test_a_link_turned_elsewhere_is_another_file(size, tmp_path):
+    one, two, link = tmp_path / "one", tmp_path / "two", tmp_path / "link"
+    one.write_bytes(bytes(size))
+    two.write_bytes(bytes([1]) * size)
+    for file in (one, two):
+        os.utime(file, (1e9, 1e9))
+    link.symlink_to(one)
+    before = read_digest(link)
+    link.unlink()
+    link.symlink_to(two)
+    assert read_digest(link) != before
+
+
+def test_a_small_file_is_its_content(tmp_path):
+    file, other = tmp_path / "file", tmp_path / "other"
+    file.write_text("one")
+    other.write_text("two")
+    before = read_digest(file, other)
+    os.utime(file, (1e9, 1e9))
+    assert read_digest(file, other) == before
+    assert read_digest(other, file) != before
+    other.unlink()
+    assert read_digest(file, other) != before

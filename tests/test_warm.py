@@ -148,6 +148,46 @@ def test_a_name_that_nobody_answers_to_is_no_hindrance():
     assert said[1].startswith("usage")
 
 
+ANSWER = """
+import os, socket, sys
+os.setuid(65534)
+with socket.socket(socket.AF_UNIX) as listener:
+    listener.bind("\\0" + sys.argv[1])
+    listener.listen()
+    print("listens", flush=True)
+    line, _ = listener.accept()
+    print(line.recv(1 << 20), flush=True)
+    line.sendall(b"0")
+"""
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can be another user")
+def test_another_user_who_answers_is_told_nothing():
+    name, pipe = f"silmesh-impostor-{os.getpid()}", subprocess.PIPE
+    command = [sys.executable, "-c", ANSWER, name]
+    with subprocess.Popen(command, stdout=pipe, text=True) as other:
+        assert other.stdout.readline() == "listens\n"
+        said = outcome("views", "--help", env=os.environ | {warm.NAME: name})
+        assert other.stdout.read() == "b''\n"
+    assert said[0] == 0
+    assert said[1].startswith("usage")
+
+
+def test_a_fork_ends_with_the_process_that_it_is_a_fork_of(tmp_path):
+    before = dict(os.environ)
+    process = warm.start()
+    assert wait_for(lambda: os.environ[warm.NAME] in names())
+    asker = photograph(tmp_path / "long", 500)
+    os.environ.clear()
+    os.environ.update(before)
+    assert wait_for(lambda: children(process.pid))
+    (fork,) = children(process.pid)
+    process.kill()
+    process.wait()
+    assert asker.wait() == 1
+    assert wait_for(lambda: not Path(f"/proc/{fork}").exists())
+
+
 def test_another_step_is_refused():
     status, _, told = outcome("nonsense")
     assert status == 1

@@ -7,7 +7,10 @@ that a person names loses what the person put there.
 
 import errno
 import os
+import platform
+import re
 import shutil
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -27,7 +30,8 @@ def replacing(path: Path | str) -> Iterator[Path]:
 
     The name keeps its suffix, so that writers which choose a format by it still do. If the block
     raises, what was written is removed and what stood at ``path`` stays as it was. A kill leaves
-    at most a hidden ``.part-`` file, which the next call for the same path removes.
+    at most a hidden ``.part-`` file of this process's own, which the next call for the same path
+    removes.
 
     >>> with replacing("mesh.ply") as part:
     ...     mesh.export(part)
@@ -96,7 +100,7 @@ def _beside(path: Path) -> Iterator[Path]:
     """A path beside another; nothing is left there after the block."""
     with _naming(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f"{PART}{path.name}")
+        part = _name_part(path)
     _discard(part)
     try:
         yield part
@@ -105,6 +109,26 @@ def _beside(path: Path) -> Iterator[Path]:
         raise
     finally:
         _discard(part)
+
+
+def _name_part(path: Path) -> Path:
+    """A path beside another for this process alone; removes those of processes that have ended."""
+    machine = f"{zlib.crc32(platform.node().encode()):08x}"  # others' processes are not seen here
+    name = re.compile(rf"{re.escape(PART)}(?:{machine}-(\d+)-)?{re.escape(path.name)}")
+    for other in path.parent.iterdir():
+        if (left := name.fullmatch(other.name)) and not (left[1] and _is_alive(int(left[1]))):
+            _discard(other)
+    return path.with_name(f"{PART}{machine}-{os.getpid()}-{path.name}")
+
+
+def _is_alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except PermissionError:  # another user's
+        return True
+    return True
 
 
 def _discard(part: Path) -> None:

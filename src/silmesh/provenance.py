@@ -1,18 +1,25 @@
-"""A digest of the code that a step runs, so that the step is run again when that code changes.
+"""Digests of what a step runs and reads, so that it is run again when one of these changes.
 
-The digest is over the syntax trees of a module and of every module of this package that it
-imports, directly or not. It changes with the code, and not with comments, docstrings, layout,
+The digest of its code is over the syntax trees of a module and of every module of this package that
+it imports, directly or not. It changes with the code, and not with comments, docstrings, layout,
 time stamps or where the checkout lies.
+
+The digest of what it reads of a person's files changes when one of them is replaced, be it by an
+older one.
 """
 
 import ast
 import hashlib
+import os
+import stat
+from collections.abc import Iterable
 from functools import cache
 from importlib.util import resolve_name
 from pathlib import Path
 
 PACKAGE = "silmesh"
 SOURCE = Path(__file__).parents[1]  # the folder that holds the package
+SMALL = 1_000_000  # bytes: files up to this size are compared by what is in them
 DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 
 
@@ -43,6 +50,33 @@ def file_digest(package: str, name: str, source: Path = SOURCE) -> str:
     """Digest of a file that a package of ours brings along: 16 hexadecimal digits."""
     file = source.joinpath(*package.split("."), name)
     return hashlib.sha256(file.read_bytes()).hexdigest()[:16]
+
+
+def read_digest(files: Iterable[Path | str]) -> str:
+    """Digest of the state of files that a person gave: 16 hexadecimal digits.
+
+    A small file's is its content. Of a large one, too slow to be read each time, it is the size,
+    the time of its last change in nanoseconds, and, where it is a link, what that leads to. Each
+    file is looked at once in the life of this process.
+    """
+    digest = hashlib.sha256()
+    for file in files:
+        digest.update(_state_of(os.fspath(file)))
+    return digest.hexdigest()[:16]
+
+
+@cache
+def _state_of(file: str) -> bytes:
+    """A file's state as 32 bytes; a step says what is wrong with one that is not there."""
+    try:
+        status = os.stat(file)
+        if stat.S_ISREG(status.st_mode) and status.st_size <= SMALL:
+            return hashlib.sha256(Path(file).read_bytes()).digest()
+        target = os.path.realpath(file) if os.path.islink(file) else ""
+        said = f"{status.st_size} {status.st_mtime_ns} {target}"
+    except OSError as error:
+        said = f"{error.errno}"
+    return hashlib.sha256(os.fsencode(said)).digest()
 
 
 def _reachable(module: str, source: Path) -> dict[str, Path]:

@@ -7,7 +7,9 @@ streams of the process that asked; that one waits, and ends as the fork ends. Wh
 as on another machine or in a container, the step runs where it was asked for. Its results are the
 same to the byte.
 
-The process ends with the one that started it, and a fork with the one that asked for it.
+The process ends with the one that started it; a fork with the one that asked for it, with the
+process that it is a fork of, and with the run whose step it is. Anyone on the machine may call a
+name or answer to it, so each end asks the kernel who is at the other.
 """
 
 import gc
@@ -26,12 +28,15 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from silmesh.lock import join_run
+
 FIRST = ("torch", "numba", "scipy.optimize", "scipy.ndimage", "scipy.sparse.linalg", "trimesh")
 THEN = ("skimage.measure", "scipy.stats", "matplotlib.figure", "pandas")  # while nobody asks
 NAME = "SILMESH_WARM"  # the variable that says what it answers to
 ALONE = {"OPENBLAS_NUM_THREADS": "1"}  # counts as it is loaded, and the last bits hang on it
 LOOK = 500  # milliseconds between two looks at whether its parent lives
 STREAMS = (0, 1, 2)
+PR_SET_PDEATHSIG = 1  # of prctl(2)
 
 
 def start() -> subprocess.Popen | None:
@@ -53,18 +58,13 @@ def run_step(step: str, arguments: Sequence[str]) -> int:
 
     The status of a step that a signal ended is 128 more than the signal, as a shell has it.
     """
+    join_run()
     os.environ |= ALONE
     with socket.socket(socket.AF_UNIX) as line:
-        try:
-            line.connect("\0" + os.environ[NAME])
-        except (KeyError, ConnectionRefusedError):
+        if not _call(line):
             _run_here(step, arguments)
             return 0
-        request = step, list(arguments), str(Path.cwd()), dict(os.environ)
-        socket.send_fds(line, [b"\n"], STREAMS)
-        line.sendall(json.dumps(request).encode() + b"\n")
-        with line.makefile("rb") as answer:
-            status = int(answer.read() or 1)
+        status = _ask(line, step, arguments)
     return 128 - status if status < 0 else status
 
 
@@ -79,7 +79,9 @@ def main() -> None:
         listener.listen()
         line = _Forks(listener).serve(parent)
     if line:
-        _run_here(*_take_over(line))
+        step, arguments = _take_over(line)
+        join_run()
+        _run_here(step, arguments)
 
 
 class _Forks:
@@ -108,6 +110,7 @@ class _Forks:
 
     def _answer(self) -> None:
         line, _ = self._listener.accept()
+        waits = os.getpid()
         if _user_of(line) != os.getuid():
             line.close()
         elif pid := os.fork():
@@ -116,6 +119,7 @@ class _Forks:
             self._watch(ended, select.POLLIN, lambda: self._tell(pid, ended))
             self._watch(line.fileno(), select.POLLRDHUP, lambda: self._give_up(pid))
         else:
+            _end_with(waits)
             self._line = line
             for other in self._lines.values():
                 other.close()
@@ -128,9 +132,12 @@ class _Forks:
         status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
         self._forget(ended)
         os.close(ended)
-        with self._lines.pop(pid) as line, suppress(ConnectionError):
+        with self._lines.pop(pid) as line, suppress(ConnectionError, BlockingIOError):
             self._forget(line.fileno())
             line.sendall(str(status).encode())
+            line.setblocking(False)
+            while line.recv(1 << 16):  # what a fork was killed before it read spoils the answer
+                pass
 
     def _watch(self, file: int, event: int, act: Callable[[], None]) -> None:
         self._events.register(file, event)
@@ -139,6 +146,37 @@ class _Forks:
     def _forget(self, file: int) -> None:
         if self._acts.pop(file, None):
             self._events.unregister(file)
+
+
+def _ask(line: socket.socket, step: str, arguments: Sequence[str]) -> int:
+    """Have a step run at the other end: how it ended; 1, and a word, if nobody is left to say."""
+    request = step, list(arguments), str(Path.cwd()), dict(os.environ)
+    with suppress(ConnectionError):
+        socket.send_fds(line, [b"\n"], STREAMS)
+        line.sendall(json.dumps(request).encode() + b"\n")
+        with line.makefile("rb") as answer:
+            if status := answer.read():
+                return int(status)
+    sys.stderr.write(f"silmesh: the step {step!r} was killed, with the process that ran it\n")
+    return 1
+
+
+def _call(line: socket.socket) -> bool:
+    """Connect to the process that waits; false if none does, or if another user's answers."""
+    try:
+        line.connect("\0" + os.environ[NAME])
+    except (KeyError, ConnectionRefusedError):
+        return False
+    return _user_of(line) == os.getuid()
+
+
+def _end_with(parent: int) -> None:
+    """End this process with its parent."""
+    import ctypes  # who asks for a step has no use for it
+
+    ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
+    if os.getppid() != parent:
+        os.kill(os.getpid(), signal.SIGKILL)
 
 
 def _user_of(line: socket.socket) -> int:

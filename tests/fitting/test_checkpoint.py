@@ -1,6 +1,7 @@
 """A fit that is killed goes on from its checkpoint, to the same bytes."""
 
 import os
+import resource
 import signal
 import subprocess
 import sys
@@ -121,6 +122,27 @@ def test_it_is_written_only_now_and_then(tmp_path):
     checkpoint = Checkpoint(path, ["one"], every=3600)
     checkpoint.offer(lambda: {"a": 1})
     assert not path.exists()
+
+
+@pytest.fixture
+def full_disk():
+    """No file may grow beyond 100 bytes, as on a disk that is full."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_a_fit_goes_on_where_the_disk_is_full_and_says_so_once(full_disk, tmp_path, capsys):
+    path = tmp_path / "checkpoint.pt"
+    whole, fit = make("softras"), make("softras")
+    expected = outcome(whole, run(whole))
+    checkpoint = Checkpoint(path, ["one"], every=0)
+    assert outcome(fit, run(fit, checkpoint=checkpoint)) == expected
+    assert list(tmp_path.iterdir()) == []
+    said = capsys.readouterr().err
+    assert said.startswith(f"{path}: File too large; the fit goes on, and begins anew")
+    assert said.count("\n") == 1
 
 
 PROGRAM = """

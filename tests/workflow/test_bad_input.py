@@ -1,6 +1,9 @@
 """Bad input ends in one message that names the file and the remedy, early and without traces."""
 
 import json
+import os
+import shutil
+import subprocess
 
 import numpy as np
 import pytest
@@ -218,6 +221,46 @@ def test_two_runs_at_once(project, tmp_path):
     assert hold(project / ".snakemake/silmesh.lock")  # as a run that is at work does
     assert "another run is at work in " in message(refusal(project))
     assert "fit cup/round" in project.outdated()
+
+
+def test_a_plan_that_cannot_be_written(project):
+    shutil.rmtree(project / "results/report")
+    (project / "results/report").write_text("a file")
+    (project / "results/cup/round/mesh.ply").unlink()
+    said = refusal(project, "results/cup/round/mesh.ply")
+    assert message(said).startswith("silmesh: results/report: ")
+    assert "Traceback" not in said
+    assert (project / "results/report").read_text() == "a file"
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can mount a small disk")
+def test_a_full_disk_before_the_first_step(project):
+    report = project / "results/report"
+    (project / "results/cup/round/mesh.ply").unlink()
+    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=4k", "none", report]).returncode:
+        pytest.skip("no disk can be mounted here")
+    try:
+        (report / "full").write_bytes(bytes(4096))
+        said = refusal(project, "results/cup/round/mesh.ply")
+        assert message(said) == "silmesh: results/report/plan.json: No space left on device"
+        assert "Traceback" not in said
+        assert [path.name for path in report.iterdir()] == ["full"]
+    finally:
+        subprocess.run(["umount", report], check=True)
+    assert not (project / "results/cup/round/mesh.ply").exists()
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can mount a disk")
+def test_a_disk_that_can_only_be_read(project):
+    folder = project.folder
+    if subprocess.run(["mount", "--bind", folder, folder]).returncode:
+        pytest.skip("no disk can be mounted here")
+    try:
+        subprocess.run(["mount", "-o", "remount,bind,ro", folder], check=True)
+        said = message(refusal(project))
+        assert said.startswith(f"silmesh: {folder}/results: cannot be written: ")
+    finally:
+        subprocess.run(["umount", folder], check=True)
 
 
 def test_hold_is_for_one_process(tmp_path):

@@ -1,11 +1,13 @@
 """A killed run leaves nothing to unlock and nothing half-made; the next one makes the same."""
 
 import os
+import re
 import signal
 import time
 from pathlib import Path
 
 import pytest
+from processes import processes, stop, wait_for
 
 pytestmark = pytest.mark.slow
 
@@ -16,13 +18,20 @@ WAIT = """
 """
 
 
-def kill_when(process, marker: Path) -> None:
-    """Kill a run and all that it started as soon as one of its steps has written the marker."""
+def wait_for_step(process, marker: Path) -> int:
+    """The process of the step that has written the marker."""
     until = time.monotonic() + 120
     while not marker.exists() or not marker.read_text():
         assert process.poll() is None, process.stdout.read()
         assert time.monotonic() < until
         time.sleep(0.05)
+    return int(marker.read_text())
+
+
+def kill_when(process, marker: Path) -> None:
+    """Kill a run and all that it started as soon as one of its steps has written the marker."""
+    until = time.monotonic() + 120
+    wait_for_step(process, marker)
     os.killpg(process.pid, signal.SIGKILL)
     process.wait()
     process.stdout.close()
@@ -63,15 +72,15 @@ def test_a_kill_in_the_middle_of_a_fit(project, finished, tmp_path):
 @pytest.mark.parametrize("target", ["views/32-pad", "cameras/32-pad-turntable"])
 def test_a_kill_in_the_middle_of_writing(project, finished, tmp_path, target):
     marker = tmp_path / "marker"
-    writing = f"path.name == {Path(target).name!r}"
-    add_stop(project, "src/silmesh/files.py", "        yield part\n", writing)
+    writing = f"folder.name == {Path(target).name!r}"
+    add_stop(project, "src/silmesh/files.py", "        _list_made(part)\n", writing)
     path = f"results/cup/stages/{target}"
     project.run("results/cup/stages/views/32-pad")
     (project / "config/config.yaml").touch()
     forced = project.start("--force", path, SILMESH_TEST_STOP=str(marker))
     kill_when(forced, marker)
     part, *within = leftovers(project)
-    assert part.name == f".part-{Path(target).name}"
+    assert re.fullmatch(rf"\.part-[0-9a-f]{{8}}-\d+-{re.escape(Path(target).name)}", part.name)
     assert all(part in other.parents for other in within)
     assert not (project / path).exists()
     project.run(path)
@@ -81,3 +90,49 @@ def test_a_kill_in_the_middle_of_writing(project, finished, tmp_path, target):
 
 def names(path: Path) -> list[str]:
     return sorted(p.name for p in path.iterdir()) if path.is_dir() else [path.read_text()]
+
+
+def kill_alone(process) -> None:
+    """Kill a run, and nothing that it started."""
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    process.stdout.close()
+
+
+def rows_of(project) -> int:
+    return len((project / "results/cup/round/loss.csv").read_text().splitlines()) - 1
+
+
+def test_a_step_ends_with_its_run_and_the_next_run_has_its_own_settings(project, tmp_path):
+    marker, mesh = tmp_path / "marker", "results/cup/round/mesh.ply"
+    add_stop(project, "src/silmesh/fitting/softras.py", "        loss.backward()\n")
+    run = project.start(mesh, SILMESH_TEST_STOP=str(marker))
+    wait_for_step(run, marker)
+    kill_alone(run)
+    project.edit("config/config.yaml", "3}\n  boxed", "5}\n  boxed")
+    project.run(mesh)
+    assert not processes(run.pid)
+    assert rows_of(project) == 5
+    assert leftovers(project) == []
+    assert project.outdated(mesh) == set()
+
+
+def test_a_run_is_refused_while_a_step_of_a_killed_one_lives(project, tmp_path):
+    marker, mesh = tmp_path / "marker", "results/cup/round/mesh.ply"
+    add_stop(project, "src/silmesh/fitting/softras.py", "        loss.backward()\n")
+    run = project.start(mesh, SILMESH_TEST_STOP=str(marker))
+    wait_for_step(run, marker)
+    others = [p.pid for p in processes(run.pid) if p.pid != run.pid]
+    for pid in others:
+        stop(pid)
+    try:
+        kill_alone(run)
+        status, said = project.snakemake(mesh)
+        assert status == 1
+        assert "silmesh: a step of a run that was killed is still at work in /" in said
+    finally:
+        for pid in others:
+            os.kill(pid, signal.SIGKILL)
+    assert wait_for(lambda: not processes(run.pid))
+    project.run(mesh)
+    assert rows_of(project) == 3

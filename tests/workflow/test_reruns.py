@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import time
 from pathlib import Path
 
@@ -120,6 +121,58 @@ def test_a_photograph(project):
     recolour(photograph)
     os.utime(photograph, (later, later))
     assert project.outdated() == ALL
+
+
+def replace(path: Path, other: Path, when: float) -> None:
+    """Put another file in a file's place, as ``cp -p`` and ``rsync -a`` do: with its own time."""
+    os.utime(other, (when, when))
+    shutil.copy2(other, path)
+
+
+def test_a_photograph_replaced_by_an_older_one(project, tmp_path):
+    photograph, other = project / "photos/png2/cup/cup_r90.png", tmp_path / "other.png"
+    shutil.copy2(photograph, other)
+    recolour(other)
+    kept = shutil.copy2(photograph, tmp_path / "kept.png")
+    replace(photograph, other, 1e9)
+    assert project.outdated() == ALL
+    shutil.copy2(kept, photograph)  # the state of the last run again
+    assert project.outdated() == set()
+
+
+def test_a_mask_that_is_a_link_turned_elsewhere(project, tmp_path):
+    mask, other = project / "photos/mask2/cup/cup_r90.png", tmp_path / "other.png"
+    shutil.copy2(mask, other)
+    recolour(other)
+    os.utime(other, (1e9, 1e9))
+    mask.unlink()
+    mask.symlink_to(other)
+    assert project.outdated() == FROM_SILHOUETTES
+
+
+def test_a_photograph_dated_in_the_future(project):
+    later = time.time() + 1e7
+    photograph = project / "photos/png2/cup/cup_r90.png"
+    os.utime(photograph, (later, later))
+    assert project.outdated() == set()
+    recolour(photograph)
+    os.utime(photograph, (later, later))
+    views = "results/cup/stages/views/32-pad"
+    project.run(views)
+    assert project.outdated(views) == set()
+    os.utime(photograph)  # a small file is compared by its content
+    assert project.outdated(views) == set()
+
+
+def test_a_table_of_published_curves_replaced_by_an_older_one(project, tmp_path):
+    table, other = project / "config/curves.csv", tmp_path / "other.csv"
+    table.write_text("object,variant,iteration,loss\ncup,round,0,0.5\n")
+    other.write_text("object,variant,iteration,loss\ncup,round,0,0.6\n")
+    project.edit("config/config.yaml", "variants:", "published: config/curves.csv\nvariants:")
+    project.run("results/report/figures/cup.svg")
+    assert "figure cup" not in project.outdated()
+    replace(table, other, 1e9)
+    assert "figure cup" in project.outdated()
 
 
 def test_one_photograph_fewer(project):

@@ -6,7 +6,7 @@
 rule cameras:
     input:
         views="results/{object}/stages/views/{views}",
-        files=lambda w: with_cameras(w).camera_files,
+        files=lambda w: made(with_cameras(w).camera_files),
     output:
         directory("results/{object}/stages/cameras/{views}-{cameras}"),
     log:
@@ -15,6 +15,8 @@ rule cameras:
         "logs/cameras/{object}-{views}-{cameras}.tsv"
     priority: 10
     params:
+        files=lambda w: texts(with_cameras(w).camera_files),
+        read=lambda w: given_digest(with_cameras(w).camera_files),
         source=camera_source,
         code=code_digest("silmesh.steps.cameras"),
     message:

@@ -7,7 +7,7 @@
 
 rule colmap_features:
     input:
-        images=lambda w: plan.with_key(w.object, "features", w.features).dataset.images,
+        lambda w: made(photographs(w, "features")),
     output:
         directory("results/{object}/stages/features/{features}"),
     log:
@@ -17,6 +17,8 @@ rule colmap_features:
     priority: 10
     threads: workflow.cores
     params:
+        images=lambda w: texts(photographs(w, "features")),
+        read=lambda w: given_digest(photographs(w, "features")),
         settings=lambda w: "--max-size {0.max_size} --features {0.features}".format(
             plan.with_key(w.object, "features", w.features).colmap
         ),
@@ -24,7 +26,7 @@ rule colmap_features:
     message:
         "{wildcards.object}: finding the features of its photographs"
     shell:
-        "python -m silmesh.steps colmap_features --images {input.images:q} {params.settings}"
+        "python -m silmesh.steps colmap_features --images {params.images:q} {params.settings}"
         " --threads {threads} --output {output:q} 2> {log:q}"
 
 

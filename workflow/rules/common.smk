@@ -13,6 +13,37 @@ def code_digest(module):
     return lambda wildcards: digest_code(module)
 
 
+# What a person gave is no input to Snakemake, which compares only ages: a photograph may be replaced
+# by an older one, or be dated in the future. It is a parameter, with the digest of what was read.
+
+
+def made(files):
+    """Those of the files that the workflow makes: inputs."""
+    return [file for file in files if is_made(file)]
+
+
+def is_made(file):
+    """Whether a file is the workflow's own and not one that a person gave."""
+    ours = {Path("results"), WEIGHTS} & set(file.parents)
+    return ours or is_promised(file) or file in promised_files(file.parent)
+
+
+def given_digest(files):
+    """The digest of those of the files that a person gave."""
+    return read_digest(file for file in files if not is_made(file))
+
+
+def texts(files):
+    """The paths as a rule's parameter keeps them."""
+    return [str(file) for file in files]
+
+
+def photographs(wildcards, stage):
+    """The photographs that a stage (``views``, ``features``) with these wildcards reads."""
+    key = getattr(wildcards, stage)
+    return plan.with_key(wildcards.object, stage, key).dataset.images
+
+
 def views_settings(wildcards):
     """The arguments that say how photographs are resized, and how many must be readable."""
     views = plan.with_key(wildcards.object, "views", wildcards.views).views
@@ -55,9 +86,17 @@ def with_silhouettes(wildcards):
 
 
 def silhouettes_weights(wildcards):
-    """The file of a network's weights; a link to fetched ones, whatever its age."""
+    """The file of a network's weights, if the workflow makes it; a link, whatever its age."""
     file = with_silhouettes(wildcards).weights_file
-    return [] if file is None else ancient(file) if WEIGHTS in file.parents else file
+    if file is None or not is_made(file):
+        return []
+    return ancient(file) if WEIGHTS in file.parents else file
+
+
+def silhouettes_files(wildcards):
+    """The files that silhouettes are read from or found by."""
+    run = with_silhouettes(wildcards)
+    return [*run.masks, *filter(None, [run.weights_file])]
 
 
 def silhouettes_threads(wildcards):
@@ -207,9 +246,11 @@ def truth_arguments(wildcards, input):
     return f"--truth {quote(input.truth)}{' --align' if run.estimates_cameras else ''}"
 
 
-def training_files(kind):
-    """The photographs or the masks of the objects that a network is trained on."""
-    return [file for dataset in plan.trained_on for file in getattr(dataset, kind)]
+def training_files():
+    """What a network is trained on: photographs, masks, their table, the weights that it has."""
+    sets = plan.trained_on
+    files = [file for one in sets for file in (*one.images, *one.masks)]
+    return [*files, plan.config.datasets, Path(plan.config.train.weights)]
 
 
 def training_settings():
@@ -256,7 +297,7 @@ def truths():
 
 def published():
     """The table of published curves, if there is one."""
-    return [str(plan.config.published)] if plan.config.published else []
+    return [plan.config.published] if plan.config.published else []
 
 
 def published_arguments(object_):

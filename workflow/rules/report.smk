@@ -12,7 +12,7 @@ rule figure:
         meshes=lambda w: runs_of(w.object, "results/{0}/{1}/mesh.ply"),
         cameras=lambda w: runs_of(w.object, "results/{0}/{1}/cameras.json"),
         scenes=lambda w: scenes_of(w.object),
-        published=published(),
+        published=made(published()),
     output:
         svg=report(
             "results/report/figures/{object}.svg",
@@ -27,6 +27,7 @@ rule figure:
         variants=lambda w: variants_of(w.object),
         order=list(plan.config.variants),
         published=lambda w: published_arguments(w.object),
+        read=lambda w: given_digest(published()),
         code=code_digest("silmesh.steps.figure"),
     message:
         "{wildcards.object}: drawing its losses and meshes"
@@ -139,7 +140,7 @@ rule page:
         sheets=every_run("results/report/silhouettes/{0}/{3}.png"),
         galleries=every_run("results/report/galleries/{0}/{3}.json"),
         truths=[f"results/{object_}/stages/truth.ply" for object_ in truths()],
-        published=published(),
+        published=made(published()),
     output:
         losses=report(
             "results/report/losses.csv",
@@ -164,6 +165,7 @@ rule page:
     params:
         told=report_plan(),
         plan=REPORT_PLAN,
+        read=given_digest(published()),
         code=code_digest("silmesh.steps.report"),
         parts=[file_digest("silmesh.report", name) for name in PARTS],
     message:

@@ -25,7 +25,7 @@ rule fetch_weights:
 rule silhouettes:
     input:
         views="results/{object}/stages/views/{views}",
-        masks=lambda w: with_silhouettes(w).masks,
+        masks=lambda w: made(with_silhouettes(w).masks),
         weights=silhouettes_weights,
     output:
         directory("results/{object}/stages/silhouettes/{views}-{source}"),
@@ -36,10 +36,12 @@ rule silhouettes:
     priority: 10
     threads: silhouettes_threads
     params:
+        masks=lambda w: texts(with_silhouettes(w).masks),
+        read=lambda w: given_digest(silhouettes_files(w)),
         settings=silhouettes_settings,
         code=code_digest("silmesh.steps.silhouettes"),
     message:
         "{wildcards.object}: finding silhouettes by {wildcards.source}"
     shell:
         "python -m silmesh.steps silhouettes --views {input.views:q} {params.settings}"
-        " --masks {input.masks:q} --output {output:q} 2> {log:q}"
+        " --masks {params.masks:q} --output {output:q} 2> {log:q}"

@@ -8,9 +8,7 @@ if plan.config.train:
 
     rule train:
         input:
-            images=training_files("images"),
-            masks=training_files("masks"),
-            table=str(plan.config.datasets),
+            made(training_files()),
         output:
             weights=str(TRAINED),
             table=str(TRAINED.with_name("epochs.csv")),
@@ -18,12 +16,15 @@ if plan.config.train:
             "logs/train.log",
         threads: workflow.cores
         params:
+            table=str(plan.config.datasets),
+            files=texts(training_files()),
+            read=given_digest(training_files()),
             settings=training_settings(),
             checkpoint=str(TRAINED.with_name("checkpoint.pt")),
             code=code_digest("silmesh.steps.train"),
         message:
             "training DeepLabv3 on photographs with masks"
         shell:
-            "python -m silmesh.steps train --datasets {input.table:q} {params.settings}"
+            "python -m silmesh.steps train --datasets {params.table:q} {params.settings}"
             " --threads {threads} --checkpoint {params.checkpoint:q}"
             " --table {output.table:q} --output {output.weights:q} 2> {log:q}"

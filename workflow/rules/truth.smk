@@ -5,15 +5,17 @@
 
 rule truth:
     input:
-        lambda w: plan.of_object(w.object).truth,
+        lambda w: made([plan.of_object(w.object).truth]),
     output:
         "results/{object}/stages/truth.ply",
     log:
         "logs/truth/{object}.log",
     priority: 10
     params:
+        mesh=lambda w: str(plan.of_object(w.object).truth),
+        read=lambda w: given_digest([plan.of_object(w.object).truth]),
         code=code_digest("silmesh.steps.truth"),
     message:
         "{wildcards.object}: reading its true mesh"
     shell:
-        "python -m silmesh.steps truth --mesh {input:q} --output {output:q} 2> {log:q}"
+        "python -m silmesh.steps truth --mesh {params.mesh:q} --output {output:q} 2> {log:q}"

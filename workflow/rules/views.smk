@@ -5,7 +5,7 @@
 
 rule views:
     input:
-        images=lambda w: plan.with_key(w.object, "views", w.views).dataset.images,
+        lambda w: made(photographs(w, "views")),
     output:
         directory("results/{object}/stages/views/{views}"),
     log:
@@ -14,10 +14,12 @@ rule views:
         "logs/views/{object}-{views}.tsv"
     priority: 10
     params:
+        images=lambda w: texts(photographs(w, "views")),
+        read=lambda w: given_digest(photographs(w, "views")),
         settings=views_settings,
         code=code_digest("silmesh.steps.views"),
     message:
         "{wildcards.object}: resizing its photographs"
     shell:
-        "python -m silmesh.steps views --images {input.images:q}"
+        "python -m silmesh.steps views --images {params.images:q}"
         " {params.settings} --output {output:q} 2> {log:q}"

@@ -1,21 +1,23 @@
 """The command line: ``silmesh PHOTOS...`` and ``silmesh init``."""
 
-import io
-import os
-import signal
-import sys
-from pathlib import Path
-from typing import Any
+from silmesh.cli.stop import MESSAGE, STOPPED, StoppingAtOnce, interrupt, on_signals
 
-import click
+with StoppingAtOnce():
+    import io
+    import os
+    import sys
+    from pathlib import Path
+    from typing import Any
 
-from silmesh.errors import InputError
-from silmesh.files import NOT_OURS
+    import click
+
+    from silmesh.errors import InputError
+    from silmesh.files import NOT_OURS
 
 # Heavier modules are imported where they are used, so that help and completion come at once.
 
 MAKE = "make"  # what is meant where no command is named
-WRONG, FAILED, STOPPED = 2, 1, 130  # exit statuses; 0 also where the mesh is doubtful
+WRONG, FAILED = 2, 1  # exit statuses; 0 also where the mesh is doubtful
 
 
 class _Make(click.Command):
@@ -27,6 +29,10 @@ class _Make(click.Command):
 
 class _Commands(click.Group):
     """Commands, of which ``make`` needs no name: its help is that of all."""
+
+    def main(self, *args: Any, **extra: Any) -> Any:
+        with StoppingAtOnce():
+            return super().main(*args, **extra)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         ours = {*self.commands, "--help", "-h", "--version"}
@@ -145,10 +151,8 @@ def make(photos: tuple[Path, ...], output: Path, **options: Any) -> None:
     from silmesh.cli.make import make_mesh
     from silmesh.cli.runner import RunError
 
-    for kind in (signal.SIGTERM, signal.SIGHUP):
-        if signal.getsignal(kind) != signal.SIG_IGN:  # as nohup has it
-            signal.signal(kind, _interrupt)
     try:
+        on_signals(interrupt)
         make_mesh(photos, output, **options)
     except InputError as error:
         _end(str(error), WRONG)
@@ -159,7 +163,8 @@ def make(photos: tuple[Path, ...], output: Path, **options: Any) -> None:
             raise
         _end(f"{error.filename}: {error.strerror}", FAILED)
     except KeyboardInterrupt:
-        _end("stopped; the same command goes on from here", STOPPED)
+        click.echo(MESSAGE, err=True)
+        sys.exit(STOPPED)
 
 
 @main.command(context_settings=HELP)
@@ -179,10 +184,6 @@ def init(folder: Path, force: bool) -> None:
             click.echo(line)
     except InputError as error:
         _end(str(error), WRONG)
-
-
-def _interrupt(*_: Any) -> None:
-    raise KeyboardInterrupt
 
 
 def _end(message: str, status: int) -> None:

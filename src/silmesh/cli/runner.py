@@ -1,7 +1,8 @@
 """Runs the workflow in a folder, follows it, and says in one message why it failed if it did.
 
 Snakemake runs as a process of its own, in a group of its own, so that all that it started ends with
-it. Of its text only what moves the bar is read; that it succeeded, its exit status says.
+it; and it ends with this process, if that is killed. Of its text only what moves the bar is read;
+that it succeeded, its exit status says.
 """
 
 import os
@@ -18,6 +19,7 @@ from silmesh.cli.bar import Bar, shorten
 from silmesh.cli.workspace import CONFIG, find_snakefile
 from silmesh.errors import InputError
 from silmesh.files import try_inside
+from silmesh.lock import LIFELINE, make_lifeline, name_lifeline
 from silmesh.progress import EVERY
 from silmesh.silhouettes.weights import CACHE, cache_folder, user_cache
 
@@ -66,17 +68,7 @@ class Runner:
             RunError: a step failed
             KeyboardInterrupt: it was stopped; all of its processes have ended
         """
-        process = subprocess.Popen(
-            self._command(targets),
-            cwd=self._folder,
-            env=_environment(self._folder),
-            encoding="utf-8",
-            errors="replace",
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-        )
+        process, lifeline = self._start(targets)
         reader = _Reader(bar)
         try:
             for line in _lines(process):
@@ -86,11 +78,31 @@ class Runner:
                 if self._verbose:
                     bar.say(line)
                 reader.read(line)
+            status = process.wait()
         except BaseException:
             _stop(process)
             raise
-        if process.wait():
+        finally:
+            os.close(lifeline)
+        if status:
             raise RunError(self._explain(reader), reader.failed)
+
+    def _start(self, targets: Sequence[str]) -> tuple[subprocess.Popen, int]:
+        """Snakemake, and the file by which it knows that this process lives."""
+        ours, theirs = make_lifeline()
+        process = subprocess.Popen(
+            self._command(targets),
+            cwd=self._folder,
+            env=_environment(self._folder) | {LIFELINE: name_lifeline(theirs)},
+            encoding="utf-8",
+            errors="replace",
+            stdin=theirs,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+        os.close(theirs)
+        return process, ours
 
     def _command(self, targets: Sequence[str]) -> list[str]:
         snakefile = find_snakefile()

@@ -24,6 +24,7 @@ from silmesh.config import NAME
 from silmesh.datasets import COLUMNS, RESERVED, UNPRINTABLE
 from silmesh.errors import InputError
 from silmesh.files import PART, replacing, try_inside
+from silmesh.lock import COMMAND, hold
 from silmesh.naming import SUFFIXES, name_views, natural_key
 from silmesh.places import WRITTEN, try_places
 from silmesh.plan import Plan
@@ -35,6 +36,7 @@ PHOTOGRAPHS, MASKS = "photographs", "masks"  # folders of links
 MADE_BY = "silmesh.json"  # says that the folder is ours, and what was put into it
 UNUSABLE = rf"{UNPRINTABLE}|[{{}}]"  # what a link's name has not
 LONGEST = 200  # bytes of a link's name, of which the end tells most
+_taken: set[Path] = set()  # the locks that this process holds
 Link = tuple[str, str]  # name and target
 TABLE_LINE = re.compile(rf"{re.escape(TABLE)}, line 2 \([\w-]+\): ")
 
@@ -136,9 +138,10 @@ class Workspace:
         """Link the photographs and masks; the other version of silmesh that worked here, if any.
 
         Raises:
-            InputError: the folder has what is not of silmesh
+            InputError: the folder has what is not of silmesh, or another process works there
         """
         now, before = version("silmesh"), claim(self.folder)
+        _take(self.folder)
         for name, links in self._links().items():
             place = self.folder / name
             ours = _ours(_links_in(place), _read_made(self.folder).get(name))
@@ -233,6 +236,15 @@ def name_links(files: Sequence[Path]) -> list[str]:
 def _ending(file: Path) -> str:
     """A file's ending, or one of an image's where it has none."""
     return file.suffix if file.suffix.lower() in SUFFIXES else SUFFIXES[0]
+
+
+def _take(folder: Path) -> None:
+    """Keep other processes from preparing a folder while this one lives."""
+    lock = (folder / COMMAND).absolute()
+    lock.parent.mkdir(exist_ok=True)
+    if lock not in _taken and not hold(lock):
+        raise InputError(f"another silmesh is at work in {folder}; wait for its end")
+    _taken.add(lock)
 
 
 def _refuse_others(folder: Path) -> None:

@@ -1,6 +1,8 @@
 """A fit's state on disk, so that one that was killed goes on where it was."""
 
 import hashlib
+import io
+import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -10,6 +12,7 @@ import torch
 from torch import Tensor
 
 from silmesh.cameras.camera import Cameras
+from silmesh.errors import InputError
 from silmesh.files import remove, replacing
 
 EVERY = 5.0  # seconds between writes
@@ -29,6 +32,7 @@ class Checkpoint:
         self._path, self._every = path, EVERY if every is None else every
         self._digest = _digest(of)
         self._last = time.monotonic()
+        self._said = False
 
     def read(self) -> dict | None:
         """The state, or None if there is none of this fit, or none that can be read."""
@@ -42,11 +46,26 @@ class Checkpoint:
         return state if isinstance(state, dict) else None
 
     def offer(self, state: Callable[[], dict]) -> None:
-        """Write the state, which is only then asked for, if it is time to."""
-        if time.monotonic() - self._last >= self._every:
+        """Write the state, which is only then asked for, if it is time to.
+
+        Where the disk has no room for it, or takes nothing, the fit goes on, and that is said once.
+        """
+        if time.monotonic() - self._last < self._every:
+            return
+        kept = io.BytesIO()  # torch does not tell a full disk from a fault of its own
+        torch.save({"digest": self._digest, "state": state()}, kept)
+        try:
             with replacing(self._path) as part:
-                torch.save({"digest": self._digest, "state": state()}, part)
-            self._last = time.monotonic()
+                part.write_bytes(kept.getbuffer())
+        except (OSError, InputError) as error:
+            self._say(getattr(error, "strerror", None) or str(error))
+        self._last = time.monotonic()
+
+    def _say(self, why: str) -> None:
+        if not self._said:
+            then = "the fit goes on, and begins anew if it is stopped"
+            sys.stderr.write(f"{self._path}: {why}; {then}\n")
+        self._said = True
 
     def remove(self) -> None:
         """Remove it: the fit's results are written."""

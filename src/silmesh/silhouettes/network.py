@@ -6,6 +6,7 @@ how large the longer side of the photographs was, and the parameters by torchvis
 of parameters alone, as torchvision downloads them, is read too.
 """
 
+import io
 import math
 import zipfile
 from collections.abc import Mapping
@@ -116,8 +117,15 @@ def _atrous_branches(network: nn.Module) -> list[nn.Sequential]:
 
 def write_weights(path: Path, weights: Weights) -> None:
     """Write a file of weights that ``load_weights`` reads."""
+    save_tensors(path, asdict(weights))
+
+
+def save_tensors(path: Path, values: Any) -> None:
+    """Write what ``torch.load`` reads; torch by itself calls a full disk a fault of its own."""
+    held = io.BytesIO()
+    torch.save(values, held)
     with replacing(path) as part:
-        torch.save(asdict(weights), part)
+        part.write_bytes(held.getbuffer())
 
 
 def load_weights(source: str, model: str) -> Weights:

@@ -19,8 +19,15 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from silmesh.files import replacing
-from silmesh.silhouettes.network import MEAN, STD, Weights, build_network, narrow, widen
+from silmesh.silhouettes.network import (
+    MEAN,
+    STD,
+    Weights,
+    build_network,
+    narrow,
+    save_tensors,
+    widen,
+)
 from silmesh.training.composite import compose_random, compose_upright
 from silmesh.training.depthwise import hasten
 
@@ -223,8 +230,7 @@ class Training:
             "mean": self.mean.state_dict(),
             "optimiser": self.optimiser.state_dict(),
         }
-        with replacing(path) as part:
-            torch.save(held, part)
+        save_tensors(path, held)
 
     def resume(self, path: Path, material: str) -> bool:
         """Go on from a checkpoint if there is one of the same material."""
