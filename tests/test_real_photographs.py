@@ -13,10 +13,11 @@ from silmesh.fitting.loop import run
 from silmesh.fitting.softras import Settings, SoftRas
 from silmesh.hull import carve
 from silmesh.meshes import to_tensors
+from silmesh.naming import match_masks
 from silmesh.scene import normalising
 from silmesh.shapes.first import Init, first_mesh
 from silmesh.silhouettes import read_silhouettes, write_silhouettes
-from silmesh.views import find_images, match_masks, write_views
+from silmesh.views import find_images, write_views
 
 pytestmark = pytest.mark.data
 PRESET = {
@@ -39,7 +40,7 @@ def silhouettes_of(images, masks, size, source, folder):
 def moisturiser(data, tmp_path_factory):
     """The report's cameras and the silhouettes of the photographs, stretched to 256."""
     images = find_images(data / "aloi_moisturiser" / "png2" / "moisturiser")
-    masks = match_masks(images, find_images(data / "aloi_moisturiser" / "mask2" / "moisturiser"))
+    masks, _ = match_masks(images, find_images(data / "aloi_moisturiser" / "mask2" / "moisturiser"))
     names, seen = silhouettes_of(images, masks, 256, "mask", tmp_path_factory.mktemp("moisturiser"))
     return turntable_cameras(names, 256, 2.732, 0, 5), seen
 
@@ -91,7 +92,7 @@ def test_the_bunnys_matrices_agree_with_its_masks(data, tmp_path):
     bunny = data / "bunny"
     images = find_images(bunny / "images")
     views = write_views(images, 256, "pad", tmp_path / "views")
-    masks = match_masks(images, find_images(bunny / "masks"))
+    masks, _ = match_masks(images, find_images(bunny / "masks"))
     write_silhouettes("mask", views, tmp_path / "views", masks, tmp_path / "silhouettes")
     attempt = attempt_from_file(bunny / "projections", views)
     assert (len(attempt.cameras), attempt.dropped, attempt.warnings) == (36, {}, ())
@@ -103,7 +104,7 @@ def test_the_bunnys_matrices_agree_with_its_masks(data, tmp_path):
 def test_the_bunnys_matrices_of_a_left_handed_world_agree_as_well(data, tmp_path):
     bunny = data / "bunny"
     images = find_images(bunny / "images")
-    masks = match_masks(images, find_images(bunny / "masks"))
+    masks, _ = match_masks(images, find_images(bunny / "masks"))
     views = write_views(images, 128, "pad", tmp_path / "views")
     write_silhouettes("mask", views, tmp_path / "views", masks, tmp_path / "silhouettes")
     seen = read_silhouettes(tmp_path / "silhouettes", [view.view for view in views])

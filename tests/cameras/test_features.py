@@ -10,6 +10,7 @@ from scipy.ndimage import gaussian_filter
 from silmesh.cameras.features import extract, keep_inside
 from silmesh.cameras.stages import DATABASE, Report, make_stage, read_report
 from silmesh.errors import InputError
+from silmesh.files import MADE
 from silmesh.views import place_view
 
 
@@ -206,7 +207,7 @@ def test_a_refused_stage_keeps_its_reason_and_nothing_else(tmp_path):
         raise InputError("no texture")
 
     make_stage(tmp_path / "a", Report(warnings=("w",)), refuse)
-    assert [path.name for path in (tmp_path / "a").iterdir()] == ["report.json"]
+    assert {path.name for path in (tmp_path / "a").iterdir()} == {"report.json", MADE}
     assert read_report(tmp_path / "a") == Report("no texture", warnings=("w",))
     make_stage(tmp_path / "b", read_report(tmp_path / "a"), refuse)
     assert read_report(tmp_path / "b").refusal == "no texture"

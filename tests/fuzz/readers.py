@@ -122,8 +122,9 @@ def _nerf(folder: Path) -> None:
 
 
 def _nerf_synthetic(folder: Path) -> None:
-    for i, part in enumerate(("train", "val", "test")):
-        content = {"camera_angle_x": 0.86, "frames": _frames()[i : i + 2]}
+    frames = _frames()
+    for part, own in (("train", frames[:2]), ("val", frames[2:3]), ("test", frames[3:])):
+        content = {"camera_angle_x": 0.86, "frames": own}
         (folder / f"transforms_{part}.json").write_text(json.dumps(content))
 
 

@@ -16,7 +16,6 @@ REFUSED = (
     "onnx sig",
     "onnx mul",
     "onnx log",
-    "cameras llff",
 )  # whose whole files are of another network or kind
 
 
