@@ -33,6 +33,7 @@ def test_a_configuration_is_read(tmp_path, mark):
     [
         (GOOD + "  a: {fit: {preset: softras}}\n", "line 6: 'a' is also on line 4; each name"),
         (GOOD + "views: {size: 32}\n", "line 6: 'views' is also on line 2"),
+        ("variants: {a: {}, b: {}, a: {}}\n", "line 1: 'a' is also on line 1"),
         ('{"a": 1, "b": {"c": 1, "c": 2}}', "key 'c' comes twice"),
         (BOMB, r"has 490,\d+,\d+ values, those counted that its aliases repeat"),
         ("a: &a [*a]\n", "line 1: an alias holds itself"),
