@@ -27,7 +27,7 @@ from silmesh.cameras.attempt import (
 )
 from silmesh.cameras.camera import Cameras
 from silmesh.errors import InputError
-from silmesh.scene import NAMED, find_middles, find_object
+from silmesh.scene import find_middles, find_object
 from silmesh.straighten import straighten
 
 FITS = 0.8  # hull IoU from which another convention is named
@@ -188,10 +188,6 @@ def _say_none(attempt: Attempt, found: Reading | None, agreed: float) -> str:
 
 def _file(attempt: Attempt) -> str:
     return str(attempt.figures.get("file", attempt.source))
-
-
-def _some(names: list[str]) -> str:
-    return ", ".join(names[:NAMED]) + ", ..." * (len(names) > NAMED)
 
 
 def _find_fitting(

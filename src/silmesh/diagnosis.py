@@ -14,6 +14,7 @@ import numpy as np
 from PIL import Image
 from scipy import ndimage
 
+from silmesh.errors import name_some
 from silmesh.series import (
     LEAST,
     Series,
@@ -28,7 +29,7 @@ from silmesh.silhouettes import read_silhouettes
 from silmesh.views import View, read_views
 
 MEASURED = "measured: "  # begins the line of a finding
-NAMED = 3  # photographs of a finding
+GAPS = 3  # that are said
 LOOKED_AT, LISTED = 8, 6  # masks, spread over all; values that are listed
 PIECE = 0.02  # of a silhouette's area, from which a part of it is a piece
 SMALL = 0.005  # of the photograph, below which an object is small in it
@@ -87,10 +88,9 @@ def describe_shapes(views: Sequence[View]) -> list[str]:
             f"{len(lying)} are lying ({_size(lying[0])}): if the camera was not turned, the "
             f"orientation in their EXIF data was lost; turn {_name(fewer)}"
         ]
-    said = ", ".join(f"{count} of {w}x{h}" for (w, h), count in shapes.most_common(NAMED))
-    more = f" and {len(shapes) - NAMED} other sizes" if len(shapes) > NAMED else ""
+    said = name_some([f"{count} of {w}x{h}" for (w, h), count in shapes.most_common()])
     return [
-        f"the photographs differ in size ({said}{more}): if some were cropped or zoomed, give "
+        f"the photographs differ in size ({said}): if some were cropped or zoomed, give "
         "those that were not, all of one size"
     ]
 
@@ -239,7 +239,7 @@ def _describe_gaps(series: Series, views: Sequence[View]) -> list[str]:
         f"between {views[i - 1].view} and {views[i].view} the silhouettes change "
         f"{steps[i - 1] / np.median(steps):.0f} times as much as elsewhere: photographs are "
         "missing there, or a second series begins; 'calibrate' takes one series of even steps"
-        for i in find_gaps(series)[:NAMED]
+        for i in find_gaps(series)[:GAPS]
     ]
 
 
@@ -273,5 +273,4 @@ def _size(view: View) -> str:
 
 
 def _name(views: Sequence[View]) -> str:
-    said = ", ".join(view.view for view in views[:NAMED])
-    return said + (f" and {len(views) - NAMED} more" if len(views) > NAMED else "")
+    return name_some([view.view for view in views])

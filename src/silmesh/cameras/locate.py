@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from silmesh.cameras.unread import find_within, recognise_file
-from silmesh.errors import InputError
+from silmesh.errors import InputError, name_some
 
 COLMAP = ("cameras", "images")  # stems of a model's two files
 WITHIN = ("", "sparse", "colmap/sparse", "colmap", "dense/sparse")  # where models lie in a folder
@@ -176,7 +176,7 @@ def _find_alone(folder: Path) -> Path | None:
         files = sorted(file for file in folder.glob(pattern) if file.is_file())
         files = [file for file in files if marker in _read_beginning(file)]
         if len(files) > 1:
-            names = ", ".join(file.name for file in files[:4]) + ", ..." * (len(files) > 4)
+            names = name_some([file.name for file in files])
             raise InputError(f"{folder}: holds {len(files)} files of cameras; name one of {names}")
         if files:
             return files[0]

@@ -4,15 +4,14 @@ import os
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from shlex import quote
 from typing import Any
 
-from silmesh.errors import InputError
+from silmesh.errors import NAMED, InputError, name_some
 from silmesh.files import replacing
+from silmesh.naming import quote
 
 SUFFIXES = (".glb", ".obj", ".ply", ".stl")
 HULL, MEAN, WORST = 0.9, 0.95, 0.85  # IoU below which cameras, the fit and a view are doubted
-NAMED = 3  # views, at most
 FEWEST = 8  # photographs, below which a hull of true silhouettes holds much that is not the object
 CONTRADICTED = 0.1  # of the views: more whose colours contradict their silhouettes are a doubt
 CALIBRATE, COLMAP = "calibrate", "colmap"
@@ -41,7 +40,7 @@ def describe(output: Path, metrics: Mapping[str, Any]) -> str:
         said.append(f"{count} redrawn")
     if count := metrics["views_dropped"]:
         lost = [f"{view}, {why}" for view, why in metrics["cameras"]["dropped"].items()]
-        named = "; ".join(lost[:NAMED]) + ("; ..." if lost[NAMED:] else "")
+        named = "; ".join(lost[:NAMED]) + ("; ..." if lost[NAMED:] else "")  # they have commas
         said.append(f"{count} more left out: {named}")
     views = f"{metrics['views']} photographs" + (f" ({', '.join(said)})" if said else "")
     quality = "good" if not find_doubts(metrics, Path()) else "doubtful"
@@ -67,7 +66,7 @@ def find_doubts(metrics: Mapping[str, Any], folder: Path, tried: Sequence[str] =
         doubts.append(
             f"cameras and silhouettes contradict each other: no body fills more than "
             f"{metrics['hull_iou_mean']:.0%} of these. Look at the silhouettes in "
-            f"{quote(str(silhouettes))}: where they are not the object's, give --masks or other "
+            f"{quote(silhouettes)}: where they are not the object's, give --masks or other "
             f"--silhouettes; where they are, {TURNED if turns else OTHERWISE}: "
             + _advise_others([*tried, *_list_sources(metrics["cameras"])])
         )
@@ -78,7 +77,7 @@ def find_doubts(metrics: Mapping[str, Any], folder: Path, tried: Sequence[str] =
     if worst and metrics["hull_iou_mean"] >= HULL:
         doubts.append(
             f"the mesh misses the object in {', '.join(worst)}: look at their silhouettes in "
-            f"{quote(str(silhouettes))}, and leave out photographs that show it wrongly"
+            f"{quote(silhouettes)}, and leave out photographs that show it wrongly"
         )
     if metrics["views_dropped"] > metrics["views"] / 4:
         doubts.append(
@@ -94,7 +93,7 @@ def find_doubts(metrics: Mapping[str, Any], folder: Path, tried: Sequence[str] =
     if contradicted := _name_contradicted(metrics):
         doubts.append(
             f"along the outlines of {contradicted} the photographs change little, or more beside "
-            f"it: look at the silhouettes in {quote(str(silhouettes))}. A shadow or a reflection "
+            f"it: look at the silhouettes in {quote(silhouettes)}. A shadow or a reflection "
             "that passes for the object wants --silhouettes matting or --masks, masks that lie "
             "beside the object or are another photograph's the right ones"
         )
@@ -108,8 +107,7 @@ def _name_contradicted(metrics: Mapping[str, Any]) -> str:
     views = metrics.get("silhouettes_contradicted", ())  # results of before have none
     if len(views) <= CONTRADICTED * metrics["views"]:
         return ""
-    named = ", ".join(views[:NAMED]) + (f" and {len(views) - NAMED} more" if views[NAMED:] else "")
-    return f"{named} ({len(views)} of {metrics['views']})"
+    return f"{name_some(views)} ({len(views)} of {metrics['views']})"
 
 
 def advise_on_cameras(silhouettes: Path, tried: Sequence[str], measured: bool) -> str:
@@ -131,7 +129,7 @@ def advise_on_cameras(silhouettes: Path, tried: Sequence[str], measured: bool) -
     else:
         then = f"Where they are: {_advise_others(tried)}"
     return (
-        f"what to do: look at the silhouettes in {quote(str(silhouettes))}; where they are not the "
+        f"what to do: look at the silhouettes in {quote(silhouettes)}; where they are not the "
         f"object's, give --masks or other --silhouettes. {then}"
     )
 

@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from silmesh.cameras.locate import NAMED
-from silmesh.errors import InputError
+from silmesh.errors import InputError, name_some
 from silmesh.naming import (
     MASK_FOLDERS,
     SUFFIXES,
@@ -37,7 +37,6 @@ CAMERAS = (
 )
 FEWEST = 2  # photographs
 SERIES = 3  # photographs of names alike, from which they are taken for an object's
-NAMES = 3  # of files in a message
 MAKER, MODEL, ORIENTATION = 271, 272, 274  # EXIF
 
 
@@ -292,16 +291,14 @@ def _tell_lacking(masks: Sequence[Path], files: Sequence[Path], bare: Sequence[P
             f"{where}: none of its {len(masks)} images is named as the mask of a photograph, as "
             f"{stem}.png or {stem}_mask.png would be"
         )
-    lacking = ", ".join(file.name for file in bare[:NAMES]) + ", ..." * bool(bare[NAMES:])
+    lacking = name_some([file.name for file in bare])
     return f"{where}: has no mask of {lacking} ({len(bare)} of {len(files)} photographs lack one)"
 
 
 def _say_why_none(folder: Path) -> str:
     """What a folder without photographs holds instead, and what to do."""
     if within := folders_within(folder):
-        names = ", ".join(path.name for path in within[:NAMES]) + (
-            ", ..." if within[NAMES:] else ""
-        )
+        names = name_some([path.name for path in within])
         return (
             f"{folder}: has no photographs itself, but {len(within)} folders that do ({names}). "
             f"`silmesh {quote(within[0])} -o mesh.glb` makes one object of a folder; "
@@ -349,8 +346,7 @@ def _mix(files: Sequence[Path]) -> str:
 
 def _list_kinds(kinds: Iterable[tuple[str, list[Path]]]) -> str:
     ordered = sorted(kinds, key=lambda kind: -len(kind[1]))
-    said = [f"{len(files)} {kind} (as {files[0].name})" for kind, files in ordered[:NAMES]]
-    return ", ".join(said) + (f" and {len(ordered) - NAMES} other kinds" if ordered[NAMES:] else "")
+    return name_some([f"{len(files)} {kind} (as {files[0].name})" for kind, files in ordered])
 
 
 def _kind(file: Path) -> str:

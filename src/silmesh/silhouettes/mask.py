@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageFilter
 
-from silmesh.errors import InputError
+from silmesh.errors import InputError, name_some
 from silmesh.views import View, read_image
 
 LOOKED_AT = 512  # pixels of a mask's longer side that its values are counted in, at most
@@ -165,10 +165,9 @@ def _describe(found: Mapping[int, int], name: str) -> str:
     """What is wrong with a mask of these values, and what to do."""
     total = sum(found.values())
     named = [f"{value} ({found[value] / total:.0%})" for value in sorted(found)]
-    listed = ", ".join(named[:NAMED]) + (f" and {len(named) - NAMED} more" if named[NAMED:] else "")
     return (
-        f"{name}: holds {len(found)} values, {listed}, and no more than two can be told apart; "
-        "a mask should be 255 on the object and 0 elsewhere. Of labels "
+        f"{name}: holds {len(found)} values, {name_some(named, NAMED)}, and no more than two can "
+        "be told apart; a mask should be 255 on the object and 0 elsewhere. Of labels "
         f"`Image.fromarray((numpy.asarray(Image.open(mask)) > {min(found)}).astype('u1') * 255)` "
         f"takes all above {min(found)}, `== {max(found)}` one of them"
     )
