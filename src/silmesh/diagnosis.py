@@ -11,7 +11,6 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 from scipy import ndimage
 
 from silmesh.errors import name_some
@@ -26,7 +25,7 @@ from silmesh.series import (
     prepare,
 )
 from silmesh.silhouettes import read_silhouettes
-from silmesh.views import View, read_views
+from silmesh.views import View, open_image, read_views
 
 MEASURED = "measured: "  # begins the line of a finding
 GAPS = 3  # that are said
@@ -113,9 +112,9 @@ def describe_masks(files: Sequence[Path]) -> list[str]:
     values: set[int] = set()
     for i in np.unique(np.linspace(0, len(files) - 1, min(LOOKED_AT, len(files))).round()):
         try:
-            with Image.open(files[int(i)]) as mask:
+            with open_image(files[int(i)]) as mask:
                 values |= set(np.unique(np.asarray(mask)).astype(int).tolist())
-        except (OSError, SyntaxError, ValueError, TypeError, Image.DecompressionBombError):
+        except Exception:  # of whatever kind
             continue  # what is wrong with it is said where it is read
     if not values:
         return []
@@ -260,11 +259,11 @@ def _split_by_time(views: Sequence[View]) -> list[range]:
 def _read_time(view: View) -> datetime | None:
     """When a photograph was taken, if it says so."""
     try:
-        with Image.open(view.source) as opened:
+        with open_image(view.source) as opened:
             return datetime.strptime(
                 str(opened.getexif().get_ifd(EXIF)[TAKEN]), "%Y:%m:%d %H:%M:%S"
             )
-    except (OSError, SyntaxError, ValueError, KeyError, Image.DecompressionBombError):
+    except Exception:  # of whatever kind: it has none, or cannot be read
         return None
 
 

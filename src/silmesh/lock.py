@@ -53,7 +53,7 @@ def begin_run() -> None:
     """
     if not hold(LOCK):
         raise BusyError(f"another run is at work in {Path.cwd()}; wait for its end")
-    if not _is_left(STEPS):
+    if not _becomes_free(STEPS):
         raise BusyError(
             f"a step of a run that was killed is still at work in {Path.cwd()}; wait for its end"
         )
@@ -114,8 +114,8 @@ def _lock(path: Path | str, how: int) -> int | None:
     return file
 
 
-def _is_left(path: Path) -> bool:
-    """Whether nobody holds a file, or nobody any more after some patience."""
+def _becomes_free(path: Path) -> bool:
+    """Whether nobody holds a lock, or nobody any more after some patience."""
     end = time.monotonic() + PATIENCE
     while (file := _lock(path, fcntl.LOCK_EX | fcntl.LOCK_NB)) is None:
         if time.monotonic() > end:

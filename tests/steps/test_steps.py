@@ -394,7 +394,7 @@ def bend(old, new, K, lens):
     K = K.numpy()
     pixels = np.stack(np.meshgrid(np.arange(SIZE), np.arange(SIZE)), axis=-1) + 0.5
     at = lens.undistort((pixels - K[:2, 2]) / K[[0, 1], [0, 1]]) * K[[0, 1], [0, 1]] + K[:2, 2]
-    at = at.astype(int).clip(0, SIZE - 1)
+    at = np.nan_to_num(at.clip(0, SIZE - 1)).astype(int)  # NaN where the lens does not look
     save(new, np.asarray(Image.open(old))[at[..., 1], at[..., 0]])
 
 

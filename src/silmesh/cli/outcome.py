@@ -1,6 +1,5 @@
 """What a run came to, in one line, and what to do where it is doubtful; the mesh as a file."""
 
-import os
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -26,11 +25,9 @@ KNOWN = "give known cameras by --cameras file:PATH"
 
 
 def refuse_suffix(output: Path) -> None:
-    """Refuse to write a mesh in a format that is not known, or where a folder is."""
+    """Refuse to write a mesh in a format that is not known."""
     if output.suffix.lower() not in SUFFIXES:
         raise InputError(f"{output}: should end in {', '.join(SUFFIXES)}, which names the format")
-    if os.path.isdir(output):
-        raise InputError(f"{output}: is a folder; should be the file to write")
 
 
 def describe(output: Path, metrics: Mapping[str, Any]) -> str:
