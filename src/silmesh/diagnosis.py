@@ -47,7 +47,7 @@ def diagnose(silhouettes: np.ndarray, views: Sequence[View]) -> list[str]:
     """
     shown = np.flatnonzero(silhouettes.any(axis=(1, 2)))
     seen, named = silhouettes[shown], [views[i] for i in shown]
-    shapes = describe_shapes(views)
+    shapes = _describe_shapes(views)
     found = [*shapes, *describe_cut(silhouettes, views), *_describe_empty(silhouettes, views)]
     if len(shown) < LEAST:
         return found
@@ -73,7 +73,7 @@ def diagnose_folders(views: Path, silhouettes: Path, coherent: bool = False) -> 
     return describe_cut(found, seen) if len(cut) >= MANY * len(seen) else []
 
 
-def describe_shapes(views: Sequence[View]) -> list[str]:
+def _describe_shapes(views: Sequence[View]) -> list[str]:
     """That the photographs are of several shapes, if they are."""
     shapes = Counter((view.width, view.height) for view in views if not view.unreadable)
     if len(shapes) < 2:

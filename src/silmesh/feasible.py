@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 FEWEST_FITTED = 2  # views
 OPAQUE = (".jpg", ".jpeg", ".bmp")  # formats without an alpha channel
-MATTING = ("onnxruntime", "cv2")  # what runs the foreground model
+MATTING = ("onnxruntime", "cv2")  # libraries that run the foreground model
 CHECKPOINT = (b"PK\x03\x04", b"\x80")  # how a file of torch's begins: a zip, or a pickle
 
 
@@ -53,11 +53,16 @@ def _has_gpu() -> bool:
 
 
 def _refuse_lacking_model(key: str, silhouettes: str) -> None:
-    if silhouettes == "matting" and not all(find_spec(name) for name in MATTING):
+    if silhouettes == "matting" and not has_matting():
         raise InputError(
             f"{key}: silhouettes 'matting' needs a library that is not installed: "
             "`pip install 'silmesh[matting]'`; or should be another source"
         )
+
+
+def has_matting() -> bool:
+    """Whether what runs the foreground model is installed."""
+    return all(find_spec(name) for name in MATTING)
 
 
 def _refuse_opaque(silhouettes: str, images: tuple[Path, ...]) -> None:

@@ -321,5 +321,8 @@ def _link(folder: Path, links: Mapping[str, Path], ours: Container[Link]) -> Non
     for name, _ in there - wanted:
         (folder / name).unlink()
     for name, target in wanted - there:
-        with replacing(folder / name) as part:
-            part.symlink_to(target)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / name).symlink_to(target)  # whole or absent by itself
+        except OSError as error:
+            raise InputError(f"{folder / name}: cannot be written: {error.strerror}") from error
