@@ -18,10 +18,10 @@ from pathlib import Path
 from silmesh.errors import InputError
 
 MADE = ".silmesh"  # in a folder that was made here: the names of all that was put into it
-ALLOWED = {MADE, ".snakemake_timestamp"}  # beside them
+ALLOWED = {MADE, ".snakemake_timestamp"}  # may be in such a folder beside what MADE lists
 PART = ".part-"  # begins the names of what is being written
 NOT_OURS = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES}  # what a disk refuses
-TRIED = 1 << 16  # bytes: a full disk has room for a name, and for no more
+TRIED = 1 << 16  # bytes written to try a place: a full disk has room for an empty file
 
 
 @contextmanager

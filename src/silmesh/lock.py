@@ -23,7 +23,7 @@ COMMAND = Path(".snakemake/silmesh.command")
 STEPS = Path(".snakemake/silmesh.steps")
 LIFELINE = "SILMESH_LIFELINE"  # the variable that says which pipe it is, as no other input is
 PATIENCE = 20.0  # seconds that the steps of a killed run have to end
-LOOK = 0.05  # seconds between two looks at whether they have
+LOOK = 0.05  # seconds between two looks at whether a lock is free
 STDIN = 0
 
 _held: list[int] = []  # open until this process ends

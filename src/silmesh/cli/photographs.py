@@ -32,8 +32,7 @@ SIDECARS = (".xmp", ".aae", ".thm", ".lrv", ".pp3", ".dop")
 SYSTEM = ("thumbs.db", "desktop.ini")  # files of a system's own, as hidden ones
 CAMERAS = (
     *NAMED,
-    *("transforms_*.json", "poses_bounds.npy", "cameras.xml", "bundle*.out", "*.nvm", "*.mvs"),
-    *("cameras.bin", "cameras.txt", "sparse"),
+    *("transforms_*.json", "bundle*.out", "*.nvm", "*.mvs", "cameras.bin", "cameras.txt", "sparse"),
 )
 FEWEST = 2  # photographs
 SERIES = 3  # photographs of names alike, from which they are taken for an object's

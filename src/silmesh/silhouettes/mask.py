@@ -11,13 +11,14 @@ from silmesh.views import View, read_image
 
 LOOKED_AT = 512  # pixels of a mask's longer side that its values are counted in, at most
 FEW = 64  # values, at most, of which each stands for itself; of more some are noise or soft edges
-ALIKE = 1 / 10  # of the range of many values: nearer ones are one value with noise
-PART = 0.02  # of what is not the commonest value: a value of more is no seam between two others
-MUCH = 0.15  # likewise, where it is near one of the two
-SEEN = 1e-3  # of all such pixels: likewise
-WIDE = 4  # pixels around one that are alike where a third value, or none of the two, is meant
-WHOLE = 1 / 4  # of a third value's flat pixels: so many have as much around them
-GREY = 1 / 3  # of what is not background: more that is between the two values is no soft edge
+ALIKE = 1 / 10  # of the range of more than FEW values: nearer ones are one value with noise
+# Flat pixels have just their own value around them. A value stands for something if so many do:
+PART = 0.02  # of those that have not the commonest value: fewer are a seam between two others
+SEEN = 1e-3  # of all flat pixels
+MUCH = 0.15  # as PART, for a value near the lowest or highest, where compression leaves flat blocks
+WIDE = 4  # pixels around one that are alike in the midst of a region
+WHOLE = 1 / 4  # of a value's flat pixels that lie in the midst of a region, if it fills regions
+GREY = 1 / 3  # of what is not background: more that is between two values is no soft edge
 NAMED = 5  # values, at most, in a message
 
 
