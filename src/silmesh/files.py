@@ -114,9 +114,9 @@ def _beside(path: Path) -> Iterator[Path]:
 def _name_part(path: Path) -> Path:
     """A path beside another for this process alone; removes those of processes that have ended."""
     machine = f"{zlib.crc32(platform.node().encode()):08x}"  # others' processes are not seen here
-    name = re.compile(rf"{re.escape(PART)}(?:{machine}-(\d+)-)?{re.escape(path.name)}")
+    name = re.compile(rf"{re.escape(PART)}{machine}-(\d+)-{re.escape(path.name)}")
     for other in path.parent.iterdir():
-        if (left := name.fullmatch(other.name)) and not (left[1] and _is_alive(int(left[1]))):
+        if (left := name.fullmatch(other.name)) and not _is_alive(int(left[1])):
             _discard(other)
     return path.with_name(f"{PART}{machine}-{os.getpid()}-{path.name}")
 
