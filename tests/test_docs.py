@@ -70,3 +70,11 @@ def test_the_architecture_shows_every_room():
     named = set(re.findall(r"\w+\.py\b", text))
     there = {file.name for folder in ("src", "tests") for file in (ROOT / folder).rglob("*.py")}
     assert named - there == set()
+
+
+def test_the_pages_that_code_and_configuration_name_are_there():
+    files = [f for folder in ("src", "config", "benchmarks") for f in (ROOT / folder).rglob("*.*")]
+    texts = [f.read_text() for f in files if f.suffix in {".py", ".yaml", ".tsv", ".j2"}]
+    named = {name for text in texts for name in re.findall(r"\bdocs/[\w-]+\.\w+", text)}
+    assert "docs/cameras.md" in named
+    assert [name for name in sorted(named) if not (ROOT / name).exists()] == []
