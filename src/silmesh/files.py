@@ -114,10 +114,10 @@ def _beside(path: Path) -> Iterator[Path]:
 def _name_part(path: Path) -> Path:
     """A path beside another for this process alone; removes those of processes that have ended."""
     machine = f"{zlib.crc32(platform.node().encode()):08x}"  # others' processes are not seen here
-    name = rf"{re.escape(PART)}(?:{machine}-(\d+)-)?{re.escape(path.name)}"
+    name = rf"{re.escape(PART)}{machine}-(\d+)-{re.escape(path.name)}"
     parts = [other for other in os.listdir(path.parent) if other.startswith(PART)]  # of many files
     for other in parts:
-        if (left := re.fullmatch(name, other)) and not (left[1] and _is_alive(int(left[1]))):
+        if (left := re.fullmatch(name, other)) and not _is_alive(int(left[1])):
             _discard(path.with_name(other))
     return path.with_name(f"{PART}{machine}-{os.getpid()}-{path.name}")
 

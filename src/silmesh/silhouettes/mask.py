@@ -166,9 +166,10 @@ def _describe(found: Mapping[int, int], name: str) -> str:
     """What is wrong with a mask of these values, and what to do."""
     total = sum(found.values())
     named = [f"{value} ({found[value] / total:.0%})" for value in sorted(found)]
+    listed = name_some(named, NAMED)
     return (
-        f"{name}: holds {len(found)} values, {name_some(named, NAMED)}, and no more than two can "
-        "be told apart; a mask should be 255 on the object and 0 elsewhere. Of labels "
+        f"{name}: holds {len(found)} values, {listed}, and no more than two can be told apart; "
+        "a mask should be 255 on the object and 0 elsewhere. Of labels "
         f"`Image.fromarray((numpy.asarray(Image.open(mask)) > {min(found)}).astype('u1') * 255)` "
         f"takes all above {min(found)}, `== {max(found)}` one of them"
     )
