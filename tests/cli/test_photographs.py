@@ -11,6 +11,7 @@ from silmesh.cli.photographs import (
     find_cameras,
     find_masks,
     find_photographs,
+    find_unread,
     folders_within,
 )
 from silmesh.errors import InputError
@@ -151,6 +152,15 @@ def test_what_lies_beside_photographs_and_is_not_used_is_told_by_kind(tmp_path):
         "not used: old: folders with images",
         "not used: notes.txt: no photographs",
     }
+
+
+def test_photographs_in_formats_that_are_not_read_are_counted_but_not_twins(tmp_path):
+    files = save_series(tmp_path, "a")
+    lost = [tmp_path / name for name in ("IMG_1.CR2", "IMG_2.gif")]
+    for path in [*lost, *(tmp_path / name for name in ("a_1.dng", "a_1.xmp", "notes.txt"))]:
+        path.touch()
+    assert find_unread([tmp_path], files) == lost
+    assert set(find_unread(list(tmp_path.iterdir()), files)) == set(lost)
 
 
 def test_what_is_used_otherwise_is_not_told_of(tmp_path, monkeypatch):

@@ -83,6 +83,16 @@ def find_photographs(
     return files, [*notes, *_tell_unused(others, files), *_tell_shapes(files)]
 
 
+def find_unread(paths: Sequence[Path], files: Sequence[Path]) -> list[Path]:
+    """What a person names as photographs in formats that are not read, ``files`` being the others.
+
+    One beside a photograph of its name is not among them, as what a camera writes twice.
+    """
+    stems = {file.stem for file in files}
+    inside = [_others_in(path) if path.is_dir() else [path] for path in paths]
+    return [path for each in inside for path in each if not _say_what(path, path.stem in stems)]
+
+
 def describe_count(files: Sequence[Path]) -> str:
     """How many photographs there are, and which of them cannot be read."""
     wrong = {}

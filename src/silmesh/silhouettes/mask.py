@@ -1,6 +1,6 @@
 """Silhouettes from mask files: two values, of which the brighter or more opaque is the object."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +9,7 @@ from PIL import Image, ImageFilter
 from silmesh.errors import InputError
 from silmesh.views import View, read_image
 
+TRIED = 8  # masks, spread over all, of which the values are looked at before any work
 LOOKED_AT = 512  # pixels of a mask's longer side that its values are counted in, at most
 FEW = 64  # values, at most, of which each stands for itself; of more some are noise or soft edges
 ALIKE = 1 / 10  # of the range of many values: nearer ones are one value with noise
@@ -49,6 +50,22 @@ def find(image: Image.Image, view: View, mask: Path | None) -> np.ndarray:
     scale = 255 / (high - low)
     spread = brightness.point([min(max(round((v - low) * scale), 0), 255) for v in range(256)])
     return np.asarray(view.place(spread, Image.Resampling.BILINEAR)) > 127
+
+
+def refuse_labels(files: Sequence[Path]) -> None:
+    """Refuse masks of more than two values before any work, by a look at some of them.
+
+    What else is wrong with one, that it cannot be read for example, is left to the policy.
+
+    Raises:
+        SeveralValuesError: one has more
+    """
+    for i in np.linspace(0, len(files) - 1, min(TRIED, len(files))).round().astype(int):
+        try:
+            drawn = read_image(files[i])
+        except InputError:
+            continue
+        find_levels(np.asarray(read_brightness(drawn)), str(files[i]))
 
 
 def read_brightness(drawn: Image.Image) -> Image.Image:
