@@ -185,7 +185,7 @@ def _describe(found: Mapping[int, int], name: str) -> str:
     listed = ", ".join(named[:NAMED]) + (f" and {len(named) - NAMED} more" if named[NAMED:] else "")
     return (
         f"{name}: holds {len(found)} values, {listed}, and no more than two can be told apart; "
-        "a mask should be 255 on the object and 0 elsewhere. Of labels "
-        f"`Image.fromarray((numpy.asarray(Image.open(mask)) > {min(found)}).astype('u1') * 255)` "
-        f"takes all above {min(found)}, `== {max(found)}` one of them"
+        "a mask should be 255 on the object and 0 elsewhere. In Python `from PIL import Image; "
+        f"Image.open({name!r}).convert('L').point(lambda v: 255 * (v > {min(found)}))"
+        f".save('new.png')` makes one of all above {min(found)}, `v == {max(found)}` of that value alone"
     )
