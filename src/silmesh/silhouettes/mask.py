@@ -187,5 +187,6 @@ def _describe(found: Mapping[int, int], name: str) -> str:
         f"{name}: holds {len(found)} values, {listed}, and no more than two can be told apart; "
         "a mask should be 255 on the object and 0 elsewhere. In Python `from PIL import Image; "
         f"Image.open({name!r}).convert('L').point(lambda v: 255 * (v > {min(found)}))"
-        f".save('new.png')` makes one of all above {min(found)}, `v == {max(found)}` of that value alone"
+        f".save('new.png')` makes one of all above {min(found)}, `v == {max(found)}` of that value "
+        "alone"
     )
