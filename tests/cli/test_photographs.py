@@ -259,7 +259,8 @@ def test_masks_are_found_if_each_photograph_has_one(tmp_path, place, manner):
     assert find_masks(files) == (
         [],
         [
-            f"not used: {tmp_path / place}: has no mask of cup_2.png (1 of 3 photographs lack one)",
+            f"not used: {tmp_path / place}: has no mask of cup_2.png (1 of 3 photographs lack "
+            "one); draw the rest, or leave those photographs out, to have masks used",
         ],
     )
     masks.append(save(tmp_path / place / names[2]))

@@ -303,7 +303,10 @@ def _tell_lacking(masks: Sequence[Path], files: Sequence[Path], bare: Sequence[P
             f"{stem}.png or {stem}_mask.png would be"
         )
     lacking = ", ".join(file.name for file in bare[:NAMES]) + ", ..." * bool(bare[NAMES:])
-    return f"{where}: has no mask of {lacking} ({len(bare)} of {len(files)} photographs lack one)"
+    return (
+        f"{where}: has no mask of {lacking} ({len(bare)} of {len(files)} photographs lack one); "
+        "draw the rest, or leave those photographs out, to have masks used"
+    )
 
 
 def _say_why_none(folder: Path) -> str:
