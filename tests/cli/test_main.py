@@ -242,7 +242,7 @@ def test_telephones_photographs_of_any_names_in_a_plain_locale(tmp_path, monkeyp
     status, said, told = run(tmp_path, *named, *known, "-o", "mesh.ply")
     assert status == 0, told
     assert told.startswith("silmesh: 12 photographs\n")
-    assert "silhouettes: mask (each photograph has one)" in told
+    assert "silhouettes: mask (each photograph has one, as " in told
     assert said.startswith("mesh.ply: good; ")
     assert "(IoU) in 12 photographs, " in said
 

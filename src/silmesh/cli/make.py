@@ -81,7 +81,7 @@ def make_mesh(
     found, lacking = _find_masks(files, masks, silhouettes)
     known = [] if _path_of(cameras) else find_cameras(files)
     _say(describe_count(files), *notes, *lacking, *known)
-    silhouettes, tries = _choose(files, bool(found), silhouettes, cameras)
+    silhouettes, tries = _choose(files, found, silhouettes, cameras)
     _refuse_inputs((output, page), (*files, *found))
     if silhouettes == MASK:
         refuse_labels(found)
@@ -171,7 +171,7 @@ def _find_masks(
 
 
 def _choose(
-    files: Sequence[Path], masked: bool, silhouettes: str | None, cameras: str | None
+    files: Sequence[Path], masks: Sequence[Path], silhouettes: str | None, cameras: str | None
 ) -> tuple[str, tuple[str, ...]]:
     """The source of silhouettes and those of cameras, given or chosen, which is said."""
     if silhouettes and cameras:
@@ -179,7 +179,7 @@ def _choose(
     seen = look(files)
     tries = (cameras,) if cameras else ()
     if not silhouettes:
-        silhouettes, why = choose_silhouettes(seen, masked, str(files[0].parent))
+        silhouettes, why = choose_silhouettes(seen, masks, str(files[0].parent))
         _say(f"silhouettes: {silhouettes} ({why})")
     if not tries:
         tries, why = choose_cameras(seen)
