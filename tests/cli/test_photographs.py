@@ -160,6 +160,8 @@ def test_photographs_in_formats_that_are_not_read_are_counted_but_not_twins(tmp_
     for path in [*lost, *(tmp_path / name for name in ("a_1.dng", "a_1.xmp", "notes.txt"))]:
         path.touch()
     assert find_unread([tmp_path], files) == lost
+    (said,) = [note for note in find_photographs([tmp_path])[1] if "not read" in note]
+    assert said.endswith(f"`magick mogrify -format jpg {tmp_path}/*.CR2 {tmp_path}/*.gif`")
     assert set(find_unread(list(tmp_path.iterdir()), files)) == set(lost)
 
 

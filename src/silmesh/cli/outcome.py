@@ -116,9 +116,14 @@ def _describe_unused(metrics: Mapping[str, Any], unread: int) -> str:
     reasons = [f"{unread} are in formats that are not read"] * bool(unread)
     for views in sorted(kinds.values(), key=len, reverse=True):
         reasons.append(f"{len(views)} as {views[0]}" if views[1:] else views[0])
+    remedies = ["save those as JPEG or PNG"] * bool(unread)
+    remedies += [
+        "get anew what cannot be read",
+        "other --silhouettes or --masks may save what others deny",
+    ] * bool(kinds)
     return (
         f"{unused} of {metrics['views'] + unused} photographs are not used ({'; '.join(reasons)}): "
-        "replace what cannot be read; other --silhouettes or --masks may save what others deny"
+        + "; ".join(remedies)
     )
 
 

@@ -246,10 +246,10 @@ def _say_unread(paths: Sequence[Path]) -> str:
 
 def _advise_conversion(paths: Sequence[Path]) -> str:
     """How to make images readable that are not."""
-    which = f"{quote(paths[0].parent)}/*{paths[0].suffix}"
+    which = dict.fromkeys(f"{quote(path.parent)}/*{quote(path.suffix)}" for path in paths)
     return (
         "save them as JPEG or PNG, for example by ImageMagick: "
-        f"`magick mogrify -format jpg {which}`"
+        f"`magick mogrify -format jpg {' '.join(which)}`"
     )
 
 
