@@ -105,7 +105,7 @@ def _explain(attempts: Sequence[Attempt], findings: Sequence[str]) -> str:
     for advice in idle:
         refusals = [refusal.replace(advice, "") for refusal in refusals]
     refusals = list(dict.fromkeys(refusals))
-    several = ["no source of cameras came to any:"] if len(refusals) > 1 else []
+    several = ["no cameras were found:"] if len(refusals) > 1 else []
     measured = [f"{MEASURED}{finding}" for finding in findings]
     return "\n  ".join([*several, *refusals, *measured])
 
