@@ -98,6 +98,7 @@ def test_photographs_in_formats_that_are_not_read_count_among_all():
             "the cameras are wrong: try --cameras calibrate if the object turned",
         ),
         ({"measured": ["the frame cuts it"]}, "the frame cuts it"),
+        ({"measured": ["the frame cuts it"], "iou_mean": 0.94}, "the frame cuts it"),
         ({"iou_mean": 0.9}, "the fit ended early: try --init auto"),
         ({"iou": {"a": 0.99, "b": 0.3, "c": 0.8}}, "misses the object in b, c: look at their"),
         (
