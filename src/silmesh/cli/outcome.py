@@ -77,7 +77,7 @@ def find_doubts(
             f"--silhouettes; where they are, {TURNED if turns else OTHERWISE}: "
             + _advise_others([*tried, *_list_sources(metrics["cameras"])])
         )
-    elif metrics["iou_mean"] < MEAN and not doubts:  # what was measured explains it otherwise
+    elif metrics["iou_mean"] < MEAN and metrics["views"] >= FEWEST and not doubts:
         doubts.append("the fit ended early: try --init auto")
     worst = sorted(metrics["iou"], key=metrics["iou"].get)
     worst = [view for view in worst if metrics["iou"][view] < WORST][:NAMED]
