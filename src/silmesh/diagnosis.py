@@ -145,7 +145,8 @@ def frame_of(view: View) -> tuple[int, int, int, int]:
 
 
 def _describe_empty(silhouettes: np.ndarray, views: Sequence[View]) -> list[str]:
-    lost = [view for view, s in zip(views, silhouettes, strict=True) if not s.any()]
+    pairs = zip(views, silhouettes, strict=True)
+    lost = [view for view, s in pairs if not s.any() and not view.unreadable]
     if not lost:
         return []
     return [

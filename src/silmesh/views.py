@@ -84,8 +84,8 @@ def describe_shapes(sizes: Sequence[tuple[int, int]]) -> str:
         if width != height and (turned := counts.get((height, width))):
             return (
                 f"{lying} photographs are {width}x{height} and {turned} are {height}x{width}: was "
-                "their EXIF orientation lost? If so, turn them all alike; the cameras would be "
-                "wrong otherwise"
+                f"their EXIF orientation lost? If so, turn the {turned} as the others are; the "
+                "cameras would be wrong otherwise"
             )
     return ""
 

@@ -88,6 +88,19 @@ def test_masks_beside_silhouettes_of_another_kind_are_refused(tmp_path, source):
     assert f"--masks {photos}: --silhouettes {source} takes no masks" in said
 
 
+def test_masks_of_labels_are_refused_before_any_work(tmp_path):
+    photos = photograph(tmp_path / "photos")
+    (tmp_path / "masks").mkdir()
+    labels = np.zeros((64, 64), np.uint8)
+    labels[20:40, 10:30], labels[20:40, 30:50] = 1, 15
+    for file in photos.iterdir():
+        Image.fromarray(labels).save(tmp_path / "masks" / file.name)
+    status, said = call(photos, "-o", tmp_path / "mesh.glb", "--keep", tmp_path / "work")
+    assert status == 2
+    assert f"silmesh: {tmp_path}/masks/r0.png: holds 3 values, 0 (" in said
+    assert not (tmp_path / "work").exists()
+
+
 @pytest.mark.parametrize("name", ["{cameras}.json", os.fsdecode(b"K\xf6nig.json")])
 def test_cameras_whose_path_no_rule_can_take_are_refused(tmp_path, name):
     photos = photograph(tmp_path / "photos")
@@ -229,7 +242,7 @@ def test_telephones_photographs_of_any_names_in_a_plain_locale(tmp_path, monkeyp
     status, said, told = run(tmp_path, *named, *known, "-o", "mesh.ply")
     assert status == 0, told
     assert told.startswith("silmesh: 12 photographs\n")
-    assert "silhouettes: mask (each photograph has one)" in told
+    assert "silhouettes: mask (each photograph has one, as " in told
     assert said.startswith("mesh.ply: good; ")
     assert "(IoU) in 12 photographs, " in said
 

@@ -428,6 +428,16 @@ def test_all_reasons_are_told_when_every_attempt_fails(results, tmp_path):
         call(scene, **pictures, cameras=[tmp_path / "a", tmp_path / "b"], output=tmp_path / "s")
 
 
+def test_reasons_that_differ_in_figures_alone_are_told_once(results, tmp_path):
+    reasons = {"a": "4 pairs fit", "b": "no turntable", "c": "9 pairs fit"}
+    for name, reason in reasons.items():
+        write_attempt(tmp_path / name, Attempt("colmap", None, refusal=reason))
+    pictures = {"views": results / "views", "silhouettes": results / "silhouettes"}
+    cameras = [tmp_path / name for name in reasons]
+    with pytest.raises(InputError, match=r"found:\n  9 pairs fit\n  no turntable$"):
+        call(scene, **pictures, cameras=cameras, output=tmp_path / "s")
+
+
 def test_why_an_attempt_is_taken_is_told(results, tmp_path, capsys):
     write_attempt(tmp_path / "none", Attempt("colmap", None, refusal="no texture"))
     pictures = {"views": results / "views", "silhouettes": results / "silhouettes"}

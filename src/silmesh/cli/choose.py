@@ -75,19 +75,19 @@ def _change(pictures: Sequence[np.ndarray]) -> float:
     return float(np.median(off))
 
 
-def choose_silhouettes(seen: Look, masks: bool, files: str) -> tuple[str, str]:
+def choose_silhouettes(seen: Look, masks: Sequence[Path], files: str) -> tuple[str, str]:
     """A source of silhouettes, and why.
 
     Args:
         seen: what the photographs show
-        masks: whether each has a mask
+        masks: of each its mask, or none
         files: what they are called, for messages
 
     Raises:
         InputError: it would be the foreground model, which is not installed
     """
     if masks:
-        return "mask", "each photograph has one"
+        return "mask", f"each photograph has one, as {masks[0]}"
     if seen.cut_out:
         return "alpha", "the photographs are transparent around the object"
     if seen.plain:

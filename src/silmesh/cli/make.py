@@ -23,6 +23,7 @@ from silmesh.cli.photographs import (
     find_cameras,
     find_masks,
     find_photographs,
+    find_unread,
     is_video,
 )
 from silmesh.cli.runner import RunError, Runner
@@ -31,6 +32,7 @@ from silmesh.datasets import usable
 from silmesh.diagnosis import MEASURED, describe_masks
 from silmesh.errors import InputError
 from silmesh.files import try_file
+from silmesh.silhouettes.mask import refuse_labels
 from silmesh.silhouettes.weights import CACHE
 
 VIDEO = "video"  # folder of what a video is cut into; no masks lie beside it
@@ -39,6 +41,7 @@ OTHER_CACHE = f"--keep FOLDER works in another one, and ${CACHE} may name anothe
 PAGE = "results/report/report.html"
 RESULTS = ("mesh.glb", "mesh.obj", "metrics.json")
 FILE = "file"  # the source of cameras that a path follows
+MASK = "mask"  # the source of silhouettes that are files
 BEFORE_CAMERAS = ("", "views", "fetch_weights", "silhouettes")  # other cameras do not mend these
 
 
@@ -78,8 +81,10 @@ def make_mesh(
     found, lacking = _find_masks(files, masks, silhouettes)
     known = [] if _path_of(cameras) else find_cameras(files)
     _say(describe_count(files), *notes, *lacking, *known)
-    silhouettes, tries = _choose(files, bool(found), silhouettes, cameras)
+    silhouettes, tries = _choose(files, found, silhouettes, cameras)
     _refuse_inputs((output, page), (*files, *found))
+    if silhouettes == MASK:
+        refuse_labels(found)
     work = Workspace(folder, name, tuple(files), tuple(found))
     work.check(*_configure(silhouettes, tries[0], options)[1:])
     if before := work.prepare():
@@ -98,9 +103,10 @@ def make_mesh(
     metrics = _read(work, variant)
     if metrics["cameras"]["source"] == FILE:
         _say(*(_as_written(warning, tries[0]) for warning in metrics["cameras"]["warnings"]))
-    click.echo(describe(output, metrics))
-    for doubt in find_doubts(metrics, work.folder / "results", tried):
-        _say(f"doubtful: {doubt}")
+    unread = len(find_unread(paths, files))
+    doubts = find_doubts(metrics, work.folder / "results", tried, unread)
+    click.echo(describe(output, metrics, doubts))
+    _say(*(f"doubtful: {doubt}" for doubt in doubts))
 
 
 def _path_of(cameras: str | None) -> Path | None:
@@ -152,7 +158,7 @@ def _find_masks(
     Raises:
         InputError: masks are given, and a photograph has none or the silhouettes are others
     """
-    if silhouettes in (None, "mask"):
+    if silhouettes in (None, MASK):
         return find_masks(files, given)
     if given:
         raise InputError(
@@ -165,7 +171,7 @@ def _find_masks(
 
 
 def _choose(
-    files: Sequence[Path], masked: bool, silhouettes: str | None, cameras: str | None
+    files: Sequence[Path], masks: Sequence[Path], silhouettes: str | None, cameras: str | None
 ) -> tuple[str, tuple[str, ...]]:
     """The source of silhouettes and those of cameras, given or chosen, which is said."""
     if silhouettes and cameras:
@@ -173,7 +179,7 @@ def _choose(
     seen = look(files)
     tries = (cameras,) if cameras else ()
     if not silhouettes:
-        silhouettes, why = choose_silhouettes(seen, masked, str(files[0].parent))
+        silhouettes, why = choose_silhouettes(seen, masks, str(files[0].parent))
         _say(f"silhouettes: {silhouettes} ({why})")
     if not tries:
         tries, why = choose_cameras(seen)

@@ -81,6 +81,16 @@ def find_photographs(
     return files, [*notes, *_tell_unused(others, files), *_tell_shapes(files)]
 
 
+def find_unread(paths: Sequence[Path], files: Sequence[Path]) -> list[Path]:
+    """What a person names as photographs in formats that are not read, ``files`` being the others.
+
+    One beside a photograph of its name is not among them, as what a camera writes twice.
+    """
+    stems = {file.stem for file in files}
+    inside = [_others_in(path) if path.is_dir() else [path] for path in paths]
+    return [path for each in inside for path in each if not _say_what(path, path.stem in stems)]
+
+
 def describe_count(files: Sequence[Path]) -> str:
     """How many photographs there are, and which of them cannot be read."""
     wrong = {}
@@ -234,10 +244,10 @@ def _say_unread(paths: Sequence[Path]) -> str:
 
 def _advise_conversion(paths: Sequence[Path]) -> str:
     """How to make images readable that are not."""
-    which = f"{quote(paths[0].parent)}/*{paths[0].suffix}"
+    which = dict.fromkeys(f"{quote(path.parent)}/*{quote(path.suffix)}" for path in paths)
     return (
         "save them as JPEG or PNG, for example by ImageMagick: "
-        f"`magick mogrify -format jpg {which}`"
+        f"`magick mogrify -format jpg {' '.join(which)}`"
     )
 
 
@@ -291,7 +301,10 @@ def _tell_lacking(masks: Sequence[Path], files: Sequence[Path], bare: Sequence[P
             f"{stem}.png or {stem}_mask.png would be"
         )
     lacking = name_some([file.name for file in bare])
-    return f"{where}: has no mask of {lacking} ({len(bare)} of {len(files)} photographs lack one)"
+    return (
+        f"{where}: has no mask of {lacking} ({len(bare)} of {len(files)} photographs lack one); "
+        "draw the rest, or leave those photographs out, to have masks used"
+    )
 
 
 def _say_why_none(folder: Path) -> str:
