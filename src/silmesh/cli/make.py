@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from silmesh.cameras.locate import locate
 from silmesh.cli.bar import Bar
 from silmesh.cli.choose import COHERENT, choose_cameras, choose_silhouettes, look
 from silmesh.cli.outcome import (
@@ -23,6 +24,7 @@ from silmesh.cli.photographs import (
     find_cameras,
     find_masks,
     find_photographs,
+    is_picture,
     is_video,
 )
 from silmesh.cli.runner import RunError, Runner
@@ -79,9 +81,9 @@ def make_mesh(
     known = [] if _path_of(cameras) else find_cameras(files)
     _say(describe_count(files), *notes, *lacking, *known)
     silhouettes, tries = _choose(files, bool(found), silhouettes, cameras)
-    _refuse_inputs((output, page), (*files, *found))
     work = Workspace(folder, name, tuple(files), tuple(found))
     work.check(*_configure(silhouettes, tries[0], options)[1:])
+    _refuse_inputs((output, page), (*paths, *files, *found, *_list_files(cameras)))
     if before := work.prepare():
         _say(f"the results in {work.folder} are of silmesh {before}; what changed is made anew")
     runner = Runner(work.folder, cores, verbose)
@@ -109,6 +111,12 @@ def _path_of(cameras: str | None) -> Path | None:
     return Path(path) if path else None
 
 
+def _list_files(cameras: str | None) -> Sequence[Path]:
+    """The files that cameras are read from, if they are."""
+    path = _path_of(cameras)
+    return locate(path).files if path else ()
+
+
 def _try_outputs(output: Path, page: Path | None) -> None:
     """Try whether what is asked for can be written where it is wanted.
 
@@ -119,8 +127,15 @@ def _try_outputs(output: Path, page: Path | None) -> None:
     try_file(output)
     if page:
         try_file(page)
-        if page.absolute() == output.absolute():
+        if os.path.lexists(page) and is_picture(page):
+            raise InputError(f"{page}: is a picture or a video; should be the page to write")
+        if _place_of(page) == _place_of(output):
             raise InputError(f"{page}: should be another file than that of the mesh")
+
+
+def _place_of(file: Path) -> Path:
+    """Where a file lies, however its folder is named; what is written there replaces a link."""
+    return Path(os.path.realpath(file.parent), file.name)
 
 
 def _refuse_inputs(outputs: Sequence[Path | None], files: Sequence[Path]) -> None:
@@ -128,9 +143,7 @@ def _refuse_inputs(outputs: Sequence[Path | None], files: Sequence[Path]) -> Non
     read = {os.path.realpath(file) for file in files}
     for output in filter(None, outputs):
         if os.path.realpath(output) in read:
-            raise InputError(
-                f"{output}: is one of the photographs or masks; should be another file"
-            )
+            raise InputError(f"{output}: is one of the files that are read; should be another one")
 
 
 def _cut_video(paths: Sequence[Path], folder: Path) -> Sequence[Path]:

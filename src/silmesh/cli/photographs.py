@@ -46,6 +46,11 @@ def is_video(path: Path) -> bool:
     return path.suffix.lower() in VIDEOS
 
 
+def is_picture(path: Path) -> bool:
+    """Whether a path's ending is that of a video or an image, of a format that is read or not."""
+    return path.suffix.lower() in (*SUFFIXES, *UNREAD, *VIDEOS)
+
+
 def find_photographs(
     paths: Sequence[Path], besides: Iterable[Path] = ()
 ) -> tuple[list[Path], list[str]]:
