@@ -307,3 +307,17 @@ def test_a_mask_folder_is_not_its_own(tmp_path, monkeypatch):
     assert find_masks(files) == ([], [])
     assert find_photographs([tmp_path / "masks"])[0] == files
     assert os.listdir(tmp_path) == ["masks"]
+
+
+def test_links_that_lead_nowhere_are_told_of(tmp_path):
+    files = save_series(tmp_path, "a")
+    (tmp_path / "a_9.jpg").symlink_to("elsewhere.jpg")
+    assert find_photographs([tmp_path]) == (files, ["not used: a_9.jpg: links that lead nowhere"])
+
+
+def test_no_advice_would_write_over_photographs(tmp_path):
+    files = [save(tmp_path / f"a_{i}.jpg") for i in range(3)]
+    files[1].write_bytes(b"no image")
+    said = describe_count(files)
+    assert "2 photographs; 1 more cannot be read: a_1.jpg" in said
+    assert said.endswith("Get them anew")
