@@ -110,12 +110,15 @@ def _refuse_equal_keys(node: yaml.Node, path: Path | str) -> None:
     if isinstance(node, yaml.MappingNode):
         lines: dict[str, int] = {}
         for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                continue
             line = key.start_mark.line + 1
-            if isinstance(key, yaml.ScalarNode) and lines.setdefault(key.value, line) != line:
+            if key.value in lines:
                 raise InputError(
                     f"{path}, line {line}: {cut(key.value, 80)!r} is also on line "
                     f"{lines[key.value]}; each name comes once"
                 )
+            lines[key.value] = line
     for child in _children(node):
         _refuse_equal_keys(child, path)
 
