@@ -42,6 +42,13 @@ def test_a_few_silhouettes_that_colours_contradict_do_not_decide():
     assert find_doubts(GOOD | {"silhouettes_contradicted": ["a", "b"]}, Path("results")) == []
 
 
+def test_photographs_of_which_many_are_not_read_are_doubted():
+    assert find_doubts(GOOD, Path("results"), ignored=18) == []
+    (doubt,) = find_doubts(GOOD, Path("results"), ignored=19)
+    assert doubt.startswith("19 more photographs are not read")
+    assert ": doubtful; " in describe(Path("m.glb"), GOOD, ignored=19)
+
+
 def test_photographs_that_are_left_out_are_named():
     lost = {"source": "calibrate", "dropped": dict.fromkeys("abcd", "empty")}
     changed = GOOD | {"views_dropped": 4, "views_repaired": 2, "cameras": lost}

@@ -9,6 +9,7 @@ from PIL import Image
 from silmesh.cli.photographs import (
     describe_count,
     find_cameras,
+    find_ignored,
     find_masks,
     find_photographs,
     folders_within,
@@ -321,3 +322,14 @@ def test_no_advice_would_write_over_photographs(tmp_path):
     said = describe_count(files)
     assert "2 photographs; 1 more cannot be read: a_1.jpg" in said
     assert said.endswith("Get them anew")
+
+
+def test_photographs_that_are_not_read_are_counted_but_for_twins(tmp_path):
+    files = save_series(tmp_path, "a")
+    for name in ("a_0.dng", "a_1.xmp", "b_1.CR2", "b_2.jxl", "notes.txt", "film.mov", ".b.cr2"):
+        (tmp_path / name).touch()
+    (tmp_path / "a_9.jpg").symlink_to("elsewhere.jpg")
+    ignored = ["a_9.jpg", "b_1.CR2", "b_2.jxl"]
+    assert [path.name for path in find_ignored([tmp_path], files)] == ignored
+    named = [*files, tmp_path / "b_1.CR2", tmp_path / "notes.txt"]
+    assert [path.name for path in find_ignored(named, files)] == ["b_1.CR2"]

@@ -22,6 +22,7 @@ from silmesh.cli.outcome import (
 from silmesh.cli.photographs import (
     describe_count,
     find_cameras,
+    find_ignored,
     find_masks,
     find_photographs,
     is_picture,
@@ -76,7 +77,9 @@ def make_mesh(
     folder, name = place_of(paths, keep)
     try_workspace(folder, OTHER_KEEP if keep else OTHER_CACHE)
     besides = [output, page, masks, _path_of(cameras), folder]
-    files, notes = find_photographs(_cut_video(paths, folder), [path for path in besides if path])
+    named = _cut_video(paths, folder)
+    files, notes = find_photographs(named, [path for path in besides if path])
+    ignored = len(find_ignored(named, files))
     found, lacking = _find_masks(files, masks, silhouettes)
     known = [] if _path_of(cameras) else find_cameras(files)
     _say(describe_count(files), *notes, *lacking, *known)
@@ -100,8 +103,8 @@ def make_mesh(
     metrics = _read(work, variant)
     if metrics["cameras"]["source"] == FILE:
         _say(*(_as_written(warning, tries[0]) for warning in metrics["cameras"]["warnings"]))
-    click.echo(describe(output, metrics))
-    for doubt in find_doubts(metrics, work.folder / "results", tried):
+    click.echo(describe(output, metrics, ignored))
+    for doubt in find_doubts(metrics, work.folder / "results", tried, ignored):
         _say(f"doubtful: {doubt}")
 
 

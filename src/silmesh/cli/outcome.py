@@ -14,6 +14,7 @@ SUFFIXES = (".glb", ".obj", ".ply", ".stl")
 HULL, MEAN, WORST = 0.9, 0.95, 0.85  # IoU below which cameras, the fit and a view are doubted
 NAMED = 3  # views, at most
 FEWEST = 8  # photographs, below which a hull of true silhouettes holds much that is not the object
+SHARE = 0.2  # of the photographs: more that are not read are a doubt
 CONTRADICTED = 0.1  # of the views: more whose colours contradict their silhouettes are a doubt
 CALIBRATE, COLMAP = "calibrate", "colmap"
 SOURCES = {CALIBRATE: {CALIBRATE}, COLMAP: {COLMAP}, "auto": {CALIBRATE, COLMAP}}
@@ -34,8 +35,12 @@ def refuse_suffix(output: Path) -> None:
         raise InputError(f"{output}: is a folder; should be the file to write")
 
 
-def describe(output: Path, metrics: Mapping[str, Any]) -> str:
-    """The quality in one line."""
+def describe(output: Path, metrics: Mapping[str, Any], ignored: int = 0) -> str:
+    """The quality in one line.
+
+    Args:
+        metrics, ignored: as in ``find_doubts``
+    """
     said = []
     if count := metrics["views_repaired"]:
         said.append(f"{count} redrawn")
@@ -44,7 +49,7 @@ def describe(output: Path, metrics: Mapping[str, Any]) -> str:
         named = "; ".join(lost[:NAMED]) + ("; ..." if lost[NAMED:] else "")
         said.append(f"{count} more left out: {named}")
     views = f"{metrics['views']} photographs" + (f" ({', '.join(said)})" if said else "")
-    quality = "good" if not find_doubts(metrics, Path()) else "doubtful"
+    quality = "good" if not find_doubts(metrics, Path(), ignored=ignored) else "doubtful"
     whole = "closed" if metrics["watertight"] else "not closed"
     return (
         f"{output}: {quality}; its outline is the object's to {metrics['iou_mean']:.1%} (IoU) in "
@@ -52,13 +57,16 @@ def describe(output: Path, metrics: Mapping[str, Any]) -> str:
     )
 
 
-def find_doubts(metrics: Mapping[str, Any], folder: Path, tried: Sequence[str] = ()) -> list[str]:
+def find_doubts(
+    metrics: Mapping[str, Any], folder: Path, tried: Sequence[str] = (), ignored: int = 0
+) -> list[str]:
     """What is doubtful about a mesh, each with what to do.
 
     Args:
         metrics: of ``metrics.json``
         folder: of the results, for paths
         tried: the sources of cameras that were tried, beside that of the mesh
+        ignored: photographs that are not read
     """
     silhouettes = folder / metrics["silhouettes"]
     doubts = list(metrics.get("measured", ()))  # results of before have none
@@ -85,6 +93,11 @@ def find_doubts(metrics: Mapping[str, Any], folder: Path, tried: Sequence[str] =
             f"{metrics['views_dropped']} of {metrics['views'] + metrics['views_dropped']} "
             "photographs are left out, because the others contradict them: other --silhouettes or "
             "--masks may save them"
+        )
+    if ignored > SHARE * (metrics["views"] + metrics["views_dropped"] + ignored):
+        doubts.append(
+            f"{ignored} more photographs are not read: make them readable, as is said above, or "
+            "take them away if they are not of the object"
         )
     if metrics["views"] < FEWEST:
         doubts.append(

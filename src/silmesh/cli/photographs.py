@@ -89,6 +89,24 @@ def find_photographs(
     return files, [*notes, *_tell_unused(others, files), *_tell_shapes(files)]
 
 
+def find_ignored(paths: Sequence[Path], files: Sequence[Path]) -> list[Path]:
+    """The photographs that a person names and that are not read, but for twins of those that are.
+
+    Args:
+        paths: as in ``find_photographs``
+        files: those that are read
+    """
+    named = [found for path in paths for found in (path.iterdir() if path.is_dir() else [path])]
+    stems = {file.stem for file in files}
+    return sorted(
+        path
+        for path in named
+        if not path.name.startswith(".")
+        and path.stem not in stems
+        and (path.suffix.lower() in UNREAD or (is_image(path) and _is_lost(path)))
+    )
+
+
 def describe_count(files: Sequence[Path]) -> str:
     """How many photographs there are, and which of them cannot be read."""
     wrong = {}
