@@ -81,6 +81,11 @@ def test_a_failure_is_explained_by_the_steps_own_message(tmp_path):
     assert said.startswith(f"the step 'views' ended unexpectedly; {log} says how")
 
 
+def test_a_workflow_that_was_killed_is_told_of(tmp_path):
+    said = Runner(tmp_path, 1)._explain(read("")[0], -9)
+    assert said == "the workflow was ended by signal 9; the same command goes on from here"
+
+
 def test_another_run_at_work_is_told_of(tmp_path):
     reader, _ = read("silmesh: another run is at work in /x; wait for its end\n")
     assert Runner(tmp_path, 1)._explain(reader).startswith("another run is at work in /x")

@@ -85,7 +85,7 @@ class Runner:
         finally:
             os.close(lifeline)
         if status:
-            raise RunError(self._explain(reader), reader.failed)
+            raise RunError(self._explain(reader, status), reader.failed)
 
     def _start(self, targets: Sequence[str]) -> tuple[subprocess.Popen, int]:
         """Snakemake, and the file by which it knows that this process lives."""
@@ -112,8 +112,10 @@ class Runner:
         words = [sys.executable, "-m", "snakemake", *map(str, given), "--printshellcmds"]
         return [*words, "--", *targets]
 
-    def _explain(self, reader: "_Reader") -> str:
+    def _explain(self, reader: "_Reader", status: int = 1) -> str:
         """Why a run failed: a step's own message, else where to look."""
+        if status < 0:
+            return f"the workflow was ended by signal {-status}; the same command goes on from here"
         if reader.log and (message := _last_message(self._folder / reader.log)):
             return message
         if reader.said:
