@@ -7,7 +7,7 @@ from shlex import quote
 
 from snakemake.utils import min_version
 
-from silmesh.config import NAME, SoftRasFit
+from silmesh.config import FOREGROUND_MODELS, NAME, SoftRasFit
 from silmesh.errors import InputError
 from silmesh.lock import BusyError, begin_run, end_with_parent
 from silmesh.places import try_places
@@ -107,7 +107,7 @@ wildcard_constraints:
     masks="masked|fallback",
     digest="[0-9a-f]{8}",
     judged=r"\d+-[a-z]+-\w+-\w+-[a-z]+-\d+",
-    model=r"[a-z-]+",
+    model="|".join(FOREGROUND_MODELS),
 
 
 include: "workflow/rules/common.smk"

@@ -305,3 +305,19 @@ def test_only_a_file_is_removed(tmp_path):
         remove(tmp_path / "out")
     assert content(tmp_path / "out") == "a person's"
     remove(tmp_path / "nothing")
+
+
+@pytest.mark.parametrize("path", [".", "new/.."])
+@pytest.mark.parametrize("act", [try_file, try_folder, *KINDS])
+def test_a_path_that_ends_in_no_name_is_refused(tmp_path, monkeypatch, path, act):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=r"should end in a name|is a folder"):
+        make(Path(path), act, "new") if act in KINDS else act(Path(path))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_parent_that_is_not_there_is_called_no_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=r"^new/\.\./mesh\.ply: cannot be written: new/\.\.: "):
+        try_file(Path("new/../mesh.ply"))
+    assert not list(tmp_path.iterdir())

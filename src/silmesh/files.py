@@ -145,6 +145,7 @@ def _refuse_as_file(path: Path) -> None:
         raise InputError(f"{path}: is a folder; should be the file to write")
     if os.path.exists(path) and not os.path.isfile(path):
         raise InputError(f"{path}: is no ordinary file, and should not be replaced by one")
+    _refuse_nameless(path)
 
 
 def _refuse_as_folder(folder: Path) -> None:
@@ -159,6 +160,13 @@ def _refuse_as_folder(folder: Path) -> None:
             f"{folder}: holds {other}, which was not made with it; should be a folder to make, or "
             "an empty one"
         )
+    _refuse_nameless(folder)
+
+
+def _refuse_nameless(path: Path) -> None:
+    """Refuse ``.`` and ``..``, beside which nothing can be written for it."""
+    if path.name in ("", ".."):
+        raise InputError(f"{path}: should end in a name, not in '{path.name or '.'}'")
 
 
 def _find_other(folder: Path) -> str | None:
@@ -224,7 +232,8 @@ def _naming(path: Path) -> Iterator[None]:
     except OSError as error:
         at, why = Path(error.filename or path), error.strerror
         if error.errno in (errno.EEXIST, errno.ENOTDIR):
-            others = (parent for parent in path.parents if os.path.lexists(parent))
-            at, why = next(others, at), "is not a folder"
+            files = (p for p in path.parents if os.path.lexists(p) and not os.path.isdir(p))
+            if file := next(files, None):
+                at, why = file, "is not a folder"
         where = f"{at}: " if at in path.parents else ""
         raise InputError(f"{path}: cannot be written: {where}{why}") from error

@@ -20,6 +20,7 @@ from PIL import Image
 from scenes import silhouettes, turntable
 from surroundings import look_around, surround
 
+from silmesh.cameras.camera import write_cameras
 from silmesh.cli.main import main
 from silmesh.config import FITS, Policy, SilhouetteSource
 from silmesh.naming import natural_key
@@ -277,3 +278,34 @@ def test_a_home_that_cannot_be_written_stops_nobody_who_names_a_folder(tmp_path)
     home = {"HOME": "/proc", "XDG_CACHE_HOME": "", "SILMESH_CACHE": ""}
     status, _, told = run(tmp_path, photos, *known, "--keep", "work", **home)
     assert status == 0, told
+
+
+@pytest.mark.parametrize(
+    ("mesh", "page", "said"),
+    [
+        ("mesh.ply", "film.MP4", "is a picture or a video"),
+        ("mesh.ply", "masks/r1.png", "is a picture or a video"),
+        ("mesh.ply", "photos/IMG_1.CR2", "is a picture or a video"),
+        ("mesh.ply", "cameras.json", "is one of the files that are read"),
+        ("mesh.ply", "mesh.ply", "another file than that of the mesh"),
+        ("photos/../mesh.ply", "mesh.ply", "another file than that of the mesh"),
+        ("mesh.ply", "link/mesh.ply", "another file than that of the mesh"),
+    ],
+)
+def test_no_output_takes_the_place_of_what_is_read_or_of_the_other(
+    tmp_path, monkeypatch, mesh, page, said
+):
+    monkeypatch.chdir(tmp_path)
+    photograph(tmp_path / "photos")
+    write_cameras(Path("cameras.json"), turntable(VIEWS, 64, elevation=10))
+    (tmp_path / "masks").mkdir()
+    for name in ("film.MP4", "masks/r1.png", "photos/IMG_1.CR2"):
+        (tmp_path / name).write_bytes(b"a person's")
+    (tmp_path / "link").symlink_to(".")
+    before = look_around(tmp_path)
+    options = ["--cameras", "file:cameras.json", "--silhouettes", "threshold", "--keep", "work"]
+    status, told = call("photos", *options, "-o", mesh, "--page", page)
+    assert status == 2
+    assert f"{page}: " in told
+    assert said in told
+    assert look_around(tmp_path) == before

@@ -320,3 +320,28 @@ def test_a_mask_folder_is_not_its_own(tmp_path, monkeypatch):
     assert find_masks(files) == ([], [])
     assert find_photographs([tmp_path / "masks"])[0] == files
     assert os.listdir(tmp_path) == ["masks"]
+
+
+def test_links_that_lead_nowhere_are_told_of(tmp_path):
+    files = save_series(tmp_path, "a")
+    (tmp_path / "a_9.jpg").symlink_to("elsewhere.jpg")
+    assert find_photographs([tmp_path]) == (files, ["not used: a_9.jpg: links that lead nowhere"])
+
+
+def test_no_advice_would_write_over_photographs(tmp_path):
+    files = [save(tmp_path / f"a_{i}.jpg") for i in range(3)]
+    files[1].write_bytes(b"no image")
+    said = describe_count(files)
+    assert "2 photographs; 1 more cannot be read: a_1.jpg" in said
+    assert said.endswith("Get them anew")
+
+
+def test_photographs_that_are_not_read_are_counted_but_for_twins(tmp_path):
+    files = save_series(tmp_path, "a")
+    for name in ("a_0.dng", "a_1.xmp", "b_1.CR2", "b_2.jxl", "notes.txt", "film.mov", ".b.cr2"):
+        (tmp_path / name).touch()
+    (tmp_path / "a_9.jpg").symlink_to("elsewhere.jpg")
+    unread = ["a_9.jpg", "b_1.CR2", "b_2.jxl"]
+    assert [path.name for path in find_unread([tmp_path], files)] == unread
+    named = [*files, tmp_path / "b_1.CR2", tmp_path / "notes.txt"]
+    assert [path.name for path in find_unread(named, files)] == ["b_1.CR2"]

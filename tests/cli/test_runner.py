@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from silmesh.cli import runner
-from silmesh.cli.runner import RunError, Runner, _last_message, _Reader
+from silmesh.cli.runner import RunError, Runner, _Reader
 from silmesh.cli.workspace import CONFIG, find_snakefile
 
 SNAKEFILE = """\
@@ -143,7 +143,6 @@ def test_the_plugin_by_itself_writes_events_to_standard_output(folder):
     assert done.stderr == ""
 
 
-@pytest.mark.parametrize("text", ["", "# command\n", "Traceback\n  silmesh: no\n"])
-def test_a_log_without_a_message(tmp_path, text):
-    (tmp_path / "log").write_text(text)
-    assert _last_message(tmp_path / "log") == ""
+def test_a_workflow_that_was_killed_is_told_of(tmp_path):
+    said = Runner(tmp_path, 1)._explain(_Reader(Recorder()), -9)
+    assert said == "the workflow was ended by signal 9; the same command goes on from here"

@@ -28,6 +28,7 @@ RAW = (
     *(".raf", ".pef", ".srw", ".x3f", ".3fr", ".iiq", ".raw", ".gpr"),
 )
 UNREAD = (*RAW, ".gif", ".jxl", ".jp2", ".j2k", ".psd", ".exr", ".hdr", ".tga", ".svg", ".pdf")
+JPEG = (".jpg", ".jpeg")
 SIDECARS = (".xmp", ".aae", ".thm", ".lrv", ".pp3", ".dop")
 SYSTEM = ("thumbs.db", "desktop.ini")  # files of a system's own, as hidden ones
 CAMERAS = (
@@ -42,6 +43,11 @@ MAKER, MODEL, ORIENTATION = 271, 272, 274  # EXIF
 def is_video(path: Path) -> bool:
     """Whether a path's ending is that of a video."""
     return path.suffix.lower() in VIDEOS
+
+
+def is_picture(path: Path) -> bool:
+    """Whether a path's ending is that of a video or an image, of a format that is read or not."""
+    return path.suffix.lower() in (*SUFFIXES, *UNREAD, *VIDEOS)
 
 
 def find_photographs(
@@ -82,13 +88,20 @@ def find_photographs(
 
 
 def find_unread(paths: Sequence[Path], files: Sequence[Path]) -> list[Path]:
-    """What a person names as photographs in formats that are not read, ``files`` being the others.
+    """What a person names as photographs and is not read, ``files`` being the others.
 
-    One beside a photograph of its name is not among them, as what a camera writes twice.
+    These are formats that are not read, and links that lead nowhere. One beside a photograph of its
+    name is not among them, as what a camera writes twice.
     """
     stems = {file.stem for file in files}
     inside = [_others_in(path) if path.is_dir() else [path] for path in paths]
-    return [path for each in inside for path in each if not _say_what(path, path.stem in stems)]
+    return [
+        path
+        for each in inside
+        for path in each
+        if path.stem not in stems
+        and (path.suffix.lower() in UNREAD or (is_image(path) and _is_lost(path)))
+    ]
 
 
 def describe_count(files: Sequence[Path]) -> str:
@@ -102,9 +115,11 @@ def describe_count(files: Sequence[Path]) -> str:
     if not wrong:
         return f"{len(files)} photographs"
     lost = list(wrong)
+    others = [file for file in lost if file.suffix.lower() not in JPEG]  # it writes over these
     return (
         f"{len(files) - len(lost)} photographs; {len(lost)} more cannot be read: {_list(lost)}, "
-        f"{wrong[lost[0]]}. Get them anew, or {_advise_conversion(lost)}"
+        f"{wrong[lost[0]]}. Get them anew"
+        + (f", or {_advise_conversion(others)}" if others else "")
     )
 
 
@@ -191,8 +206,13 @@ def _others_in(folder: Path) -> list[Path]:
         for path in there
         if path not in cameras
         and path.name.lower() not in SYSTEM
-        and (_holds_photographs(path) if path.is_dir() else not is_image(path))
+        and (_holds_photographs(path) if path.is_dir() else not is_image(path) or _is_lost(path))
     )
+
+
+def _is_lost(path: Path) -> bool:
+    """Whether a path is a link that leads nowhere."""
+    return path.is_symlink() and not path.exists()
 
 
 def _holds_photographs(folder: Path) -> bool:
@@ -216,6 +236,8 @@ def _say_what(path: Path, twin: bool) -> str:
     """What a file is that is not used; "" for an image in a format that is not read."""
     if path.is_dir():
         return "folders with images"
+    if _is_lost(path):
+        return "links that lead nowhere"
     if is_video(path):
         return "a video is cut into photographs where it alone is named"
     if path.suffix.lower() in SIDECARS:

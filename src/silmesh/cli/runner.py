@@ -86,7 +86,7 @@ class Runner:
         finally:
             os.close(lifeline)
         if status:
-            raise RunError(self._explain(reader), reader.failed)
+            raise RunError(self._explain(reader, status), reader.failed)
 
     def _start(self, targets: Sequence[str]) -> tuple[subprocess.Popen, int, TextIO]:
         """Snakemake, the file by which it knows that this process lives, and its events."""
@@ -116,8 +116,10 @@ class Runner:
         given += ["--logger", PLUGIN, f"--logger-{PLUGIN}-file", events]
         return [sys.executable, "-m", "snakemake", *map(str, given), "--", *targets]
 
-    def _explain(self, reader: "_Reader") -> str:
+    def _explain(self, reader: "_Reader", status: int = 1) -> str:
         """Why a run failed: a step's own message, else where to look."""
+        if status < 0:
+            return f"the workflow was ended by signal {-status}; the same command goes on from here"
         if reader.log and (message := _last_message(self._folder / reader.log)):
             return message
         if reader.said:
