@@ -45,14 +45,12 @@ class Carved:
         tolerated: how many views were let disagree
         pieces: how many it came in, of which the largest is kept
         lost: the others' share of the volume
-        genus: tunnels through the mesh
     """
 
     mesh: trimesh.Trimesh
     tolerated: int
     pieces: int
     lost: float
-    genus: int
 
 
 def hull_mesh(silhouettes: np.ndarray, cameras: Cameras, vertices: int, genus: str) -> Carved:
@@ -183,8 +181,7 @@ def draw(hull: Hull, vertices: int, genus: str) -> Carved:
         if alike and same and len(coarser.vertices) > max(FINE, FINER * vertices):
             surface = coarser
             break
-    mesh = even_mesh(surface, vertices)
-    return Carved(mesh, 0, pieces, lost, 1 - mesh.euler_number // 2)
+    return Carved(even_mesh(surface, vertices), 0, pieces, lost)
 
 
 def _largest(hull: Hull) -> tuple[trimesh.Trimesh, int, float]:
