@@ -16,6 +16,7 @@ import numpy as np
 import torch
 import trimesh
 from ablation import default_settings
+from scenery import read_scan, stand_upright
 
 from silmesh.cameras.camera import Cameras
 from silmesh.cameras.turntable import orbit_cameras
@@ -31,7 +32,6 @@ from silmesh.report.pictures import camera_of, trace
 from silmesh.shapes.first import Init, first_mesh
 from silmesh.synthetic.layout import OBJECTS
 from silmesh.synthetic.make import make_object
-from silmesh.synthetic.scenery import read_scan, stand_upright
 from silmesh.synthetic.turntable import DISTANCE
 
 ELEVATIONS = (10.0, 40.0)
