@@ -3,9 +3,10 @@ import pytest
 import trimesh
 from scenes import dome, silhouettes, turntable
 
+from silmesh.geometry.overlap import mean_iou
 from silmesh.hull import Hull
 from silmesh.shapes.carved import EmptyHull, choose_tolerated, draw, hull_mesh, prism_mesh
-from silmesh.shapes.looks import mean_iou, render
+from silmesh.shapes.looks import render
 
 SIZE = 96
 PIXEL = 2.732 * np.tan(np.radians(15)) * 2 / SIZE  # a pixel's size at the origin

@@ -23,6 +23,7 @@ from scipy.special import ndtri
 from skimage.measure import find_contours
 
 from silmesh.errors import InputError
+from silmesh.geometry.frame import is_cut, whole_frames
 from silmesh.hull import signed_distance
 
 REACH = 3 / 32  # of the image's side: distances to the outline are cut off there
@@ -87,19 +88,13 @@ def trace(
         distances = np.stack(list(pool.map(lambda s: _measure_distance(s, far), silhouettes)))
     points = np.stack([_spread_points(d, samples) for d in distances])
     if frames is None:
-        frames = np.tile([0, 0, *silhouettes.shape[:0:-1]], (len(silhouettes), 1))
+        frames = whole_frames(silhouettes)
     least, most = frames[:, None, :2] + EDGE, frames[:, None, 2:] - EDGE
     known = ((points > least) & (points < most)).all(axis=2)
-    cut = np.array([_is_cut(s, frame) for s, frame in zip(silhouettes, frames, strict=True)])
+    cut = is_cut(silhouettes, frames)
     for i in np.flatnonzero(cut):
         _forget_beyond(distances[i], frames[i])
     return Outlines(distances, cut, points, known, far)
-
-
-def _is_cut(silhouette: np.ndarray, frame: Sequence[int]) -> bool:
-    left, top, right, bottom = frame
-    inside = silhouette[top:bottom, left:right]
-    return bool(inside[[0, -1]].any() or inside[:, [0, -1]].any())
 
 
 def _forget_beyond(distance: np.ndarray, frame: Sequence[int]) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from silmesh.cli.bar import Bar
-from silmesh.cli.choose import COHERENT, choose_cameras, choose_silhouettes, look
+from silmesh.cli.choose import choose_cameras, choose_silhouettes, look
 from silmesh.cli.outcome import (
     advise_on_cameras,
     copy,
@@ -32,6 +32,7 @@ from silmesh.diagnosis import MEASURED, describe_masks
 from silmesh.errors import InputError
 from silmesh.files import try_file
 from silmesh.silhouettes.weights import CACHE
+from silmesh.thresholds import CONVINCING
 
 VIDEO = "video"  # folder of what a video is cut into; no masks lie beside it
 OTHER_KEEP = "--keep should name another folder"
@@ -210,7 +211,7 @@ def _try(
         else:
             made = variant
             coherence = _read(work, made)["hull_iou_mean"]
-            if coherence >= COHERENT:
+            if coherence >= CONVINCING:
                 break
         if then:
             why, *measured = (

@@ -9,9 +9,10 @@ from typing import Any
 
 from silmesh.errors import InputError
 from silmesh.files import replacing
+from silmesh.thresholds import COHERENT
 
 SUFFIXES = (".glb", ".obj", ".ply", ".stl")
-HULL, MEAN, WORST = 0.9, 0.95, 0.85  # IoU below which cameras, the fit and a view are doubted
+MEAN, WORST = 0.95, 0.85  # IoU below which the fit and a view are doubted
 NAMED = 3  # views, at most
 FEWEST = 8  # photographs, below which a hull of true silhouettes holds much that is not the object
 CONTRADICTED = 0.1  # of the views: more whose colours contradict their silhouettes are a doubt
@@ -63,7 +64,7 @@ def find_doubts(metrics: Mapping[str, Any], folder: Path, tried: Sequence[str] =
     silhouettes = folder / metrics["silhouettes"]
     doubts = list(metrics.get("measured", ()))  # results of before have none
     turns = metrics["cameras"]["source"] == CALIBRATE
-    if metrics["hull_iou_mean"] < HULL:
+    if metrics["hull_iou_mean"] < COHERENT:
         doubts.append(
             f"cameras and silhouettes contradict each other: no body fills more than "
             f"{metrics['hull_iou_mean']:.0%} of these. Look at the silhouettes in "
@@ -75,7 +76,7 @@ def find_doubts(metrics: Mapping[str, Any], folder: Path, tried: Sequence[str] =
         doubts.append("the fit ended early: try --init auto")
     worst = sorted(metrics["iou"], key=metrics["iou"].get)
     worst = [view for view in worst if metrics["iou"][view] < WORST][:NAMED]
-    if worst and metrics["hull_iou_mean"] >= HULL:
+    if worst and metrics["hull_iou_mean"] >= COHERENT:
         doubts.append(
             f"the mesh misses the object in {', '.join(worst)}: look at their silhouettes in "
             f"{quote(str(silhouettes))}, and leave out photographs that show it wrongly"

@@ -7,6 +7,8 @@ adds atomically from 32,768 numbers on, in an order that changes from run to run
 import torch
 from torch import Tensor
 
+from silmesh.geometry.edges import number_edges
+
 EPS = 1e-6
 
 
@@ -51,7 +53,7 @@ class Laplacian:
     """
 
     def __init__(self, faces: Tensor, verts: int):
-        edges = unique_edges(faces)
+        edges, _ = _number_edges(faces)
         both_ways = torch.cat([edges, edges.flip(1)])
         degree = torch.bincount(both_ways[:, 0], minlength=verts)
         self._from, self._to = both_ways.unbind(1)
@@ -105,12 +107,6 @@ def _across(along: Tensor, side: Tensor) -> tuple[Tensor, Tensor]:
     return side - along * (dot / (along2 + EPS)).unsqueeze(-1), length
 
 
-def unique_edges(faces: Tensor) -> Tensor:
-    """Every edge once: [edges, 2], the lower index first."""
-    ends = torch.cat([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    return ends.sort(dim=1).values.unique(dim=0)
-
-
 def edge_diamonds(faces: Tensor) -> Tensor:
     """The four corners a, b, c, d about every edge ab that two triangles abc and abd share.
 
@@ -120,10 +116,17 @@ def edge_diamonds(faces: Tensor) -> Tensor:
         [edges, 4]
     """
     around = torch.cat([faces, faces.roll(-1, dims=1), faces.roll(-2, dims=1)])  # a, b, opposite
-    ends = around[:, :2].sort(dim=1).values
-    edges, which, count = ends.unique(dim=0, return_inverse=True, return_counts=True)
+    edges, of_face = _number_edges(faces)
+    which = of_face.T.flatten()
+    count = which.bincount()
     order = which.argsort(stable=True)
     first = count.cumsum(0) - count
     shared = count == 2
     c, d = (around[order[first[shared] + i], 2] for i in (0, 1))
     return torch.cat([edges[shared], c.unsqueeze(1), d.unsqueeze(1)], dim=1)
+
+
+def _number_edges(faces: Tensor) -> tuple[Tensor, Tensor]:
+    """``number_edges`` on the device of the faces."""
+    edges, of_face = number_edges(faces.cpu().numpy())
+    return torch.from_numpy(edges).to(faces.device), torch.from_numpy(of_face).to(faces.device)
