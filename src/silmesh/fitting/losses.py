@@ -4,12 +4,50 @@ Vertices are gathered by ``index_select``, whose gradient adds up in one order. 
 adds atomically from 32,768 numbers on, in an order that changes from run to run.
 """
 
+from typing import NamedTuple
+
 import torch
 from torch import Tensor
 
 from silmesh.geometry.edges import number_edges
 
 EPS = 1e-6
+
+
+class Losses(NamedTuple):
+    """The loss of a step and the terms that it is the weighted sum of: numbers."""
+
+    loss: Tensor
+    iou_loss: Tensor
+    laplacian: Tensor
+    flatten: Tensor
+
+    def read(self) -> dict[str, float]:
+        """Their values, by name."""
+        return dict(zip(self._fields, torch.stack(self).tolist(), strict=True))
+
+
+class Objective:
+    """The loss of both presets: the IoU loss, and the two smoothness terms times their weights.
+
+    Args:
+        faces: [faces, 3], as ``Laplacian`` and ``Flatten`` take them
+        verts: how many vertices they have
+        laplacian, flatten: the weights
+    """
+
+    def __init__(self, faces: Tensor, verts: int, laplacian: float, flatten: float):
+        self._laplacian, self._flatten = Laplacian(faces, verts), Flatten(faces)
+        self._weights = laplacian, flatten
+
+    def __call__(
+        self, verts: Tensor, alpha: Tensor, silhouettes: Tensor, weights: Tensor | None = None
+    ) -> Losses:
+        """The losses of vertices [verts, 3] and their rendering; see ``iou_loss``."""
+        iou, laplacian = iou_loss(alpha, silhouettes, weights), self._laplacian(verts)
+        flatten = self._flatten(verts)
+        loss = iou + self._weights[0] * laplacian + self._weights[1] * flatten
+        return Losses(loss, iou, laplacian, flatten)
 
 
 def iou_loss(alpha: Tensor, silhouettes: Tensor, weights: Tensor | None = None) -> Tensor:
