@@ -39,7 +39,7 @@ from silmesh.steps import (
     silhouettes,
     views,
 )
-from silmesh.synthetic.turntable import photograph_cameras
+from silmesh.synthetic.orbit import photograph_cameras
 
 SURROUNDINGS = {"table": photograph_on_table, "wall": photograph_before_wall}
 

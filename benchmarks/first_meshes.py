@@ -18,11 +18,11 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from silmesh.cameras.camera import Cameras
-from silmesh.comparison import compare_to_truth
 from silmesh.errors import InputError
 from silmesh.fitting.loop import run
 from silmesh.fitting.softras import Settings, SoftRas
 from silmesh.geometry.overlap import mean_iou
+from silmesh.ground_truth import compare_to_truth
 from silmesh.meshes import read_mesh, to_tensors
 from silmesh.report.pictures import camera_of, draw_edges, frame, shade, trace
 from silmesh.scene import SILHOUETTES, VIEWS, read_scene

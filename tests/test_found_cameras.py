@@ -29,7 +29,7 @@ from silmesh.steps import (
     views,
 )
 from silmesh.synthetic.make import find_paint, make_object
-from silmesh.synthetic.turntable import photograph_cameras
+from silmesh.synthetic.orbit import photograph_cameras
 
 pytestmark = pytest.mark.slow
 SURROUNDINGS = {"table": photograph_on_table, "wall": photograph_before_wall}

@@ -28,8 +28,8 @@ ON = {  # what a module of it stands on
 }
 STAGES = {
     *("views", "silhouettes", "cameras", "scene", "shapes", "fitting", "evaluation", "report"),
-    *("training", "synthetic", "meshes", "progress", "colouring", "quality", "alignment"),
-    *("agreement", "comparison", "conventions", "diagnosis", "judging"),
+    *("training", "synthetic", "meshes", "progress", "colouring", "mesh_quality", "registration"),
+    *("agreement", "ground_truth", "conventions", "diagnosis", "judging"),
 }
 PLANNING = {
     *("config", "manual", "datasets", "feasible", "places", "plan", "provenance", "lock", "warm"),

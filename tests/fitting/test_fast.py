@@ -13,8 +13,8 @@ from silmesh.fitting import fast
 from silmesh.fitting.cameras import SHARED_SD
 from silmesh.fitting.fast import Fast, Settings
 from silmesh.fitting.loop import run
+from silmesh.mesh_quality import count_intersections
 from silmesh.meshes import to_tensors
-from silmesh.quality import count_intersections
 from silmesh.shapes.sphere import unit_sphere
 
 AXES, CENTRE = (0.4, 0.22, 0.3), (0.05, -0.1, 0.0)
