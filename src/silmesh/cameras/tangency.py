@@ -215,18 +215,18 @@ def _spread_turns(views: int) -> np.ndarray:
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def _sample(image, m, x, y, z):
-    """The distance where a point projects, by bilinear interpolation; NaN beyond the frame."""
-    height, width = image.shape
-    depth = m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3]
-    column = (m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3]) / depth - 0.5
-    row = (m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3]) / depth - 0.5
+def _sample(images, P, v, x, y, z):
+    """The distance where view v sees a point, by bilinear interpolation; NaN beyond the frame."""
+    _, height, width = images.shape
+    depth = P[v, 2, 0] * x + P[v, 2, 1] * y + P[v, 2, 2] * z + P[v, 2, 3]
+    column = (P[v, 0, 0] * x + P[v, 0, 1] * y + P[v, 0, 2] * z + P[v, 0, 3]) / depth - 0.5
+    row = (P[v, 1, 0] * x + P[v, 1, 1] * y + P[v, 1, 2] * z + P[v, 1, 3]) / depth - 0.5
     if not (depth > 0 and 0 <= column < width - 1 and 0 <= row < height - 1):
         return np.nan
     c, r = int(column), int(row)
     u, w = column - c, row - r
-    above = image[r, c] * (1 - u) + image[r, c + 1] * u
-    below = image[r + 1, c] * (1 - u) + image[r + 1, c + 1] * u
+    above = images[v, r, c] * (1 - u) + images[v, r, c + 1] * u
+    below = images[v, r + 1, c] * (1 - u) + images[v, r + 1, c + 1] * u
     return above * (1 - w) + below * w
 
 
@@ -239,7 +239,7 @@ def _find_least(distances, cut, far, P, order, v, x, y, z, best):
     least, view = 0.0, -1
     for turn in order:
         j = (v + turn) % len(distances)
-        value = _sample(distances[j], P[j], x, y, z)
+        value = _sample(distances, P, j, x, y, z)
         if np.isnan(value):
             if cut[j]:
                 continue
@@ -302,5 +302,5 @@ def _measure(distances, far, P, centres, rays, middle, depth, view, at):
             x = centres[v, 0] + along * rays[v, s, 0]
             y = centres[v, 1] + along * rays[v, s, 1]
             z = centres[v, 2] + along * rays[v, s, 2]
-            value = _sample(distances[j], P[j], x, y, z)
+            value = _sample(distances, P, j, x, y, z)
             at[v, s] = -far if np.isnan(value) else value
