@@ -16,23 +16,23 @@ import numpy as np
 import torch
 import trimesh
 from ablation import default_settings
+from scenery import read_scan, stand_upright
 
 from silmesh.cameras.camera import Cameras
 from silmesh.cameras.turntable import orbit_cameras
-from silmesh.comparison import compare_to_truth
 from silmesh.config import FastFit
 from silmesh.evaluation import silhouette_iou
 from silmesh.fitting.fast import Fast, Settings
 from silmesh.fitting.loop import run
+from silmesh.ground_truth import compare_to_truth
 from silmesh.hull import carve
+from silmesh.mesh_quality import measure_quality
 from silmesh.meshes import to_tensors
-from silmesh.quality import measure_quality
 from silmesh.report.pictures import camera_of, trace
 from silmesh.shapes.first import Init, first_mesh
 from silmesh.synthetic.layout import OBJECTS
 from silmesh.synthetic.make import make_object
-from silmesh.synthetic.scenery import read_scan, stand_upright
-from silmesh.synthetic.turntable import DISTANCE
+from silmesh.synthetic.orbit import DISTANCE
 
 ELEVATIONS = (10.0, 40.0)
 RESOLUTION = 256

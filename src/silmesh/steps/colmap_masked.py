@@ -7,7 +7,6 @@ from tempfile import TemporaryDirectory
 
 import torch
 
-from silmesh.agreement import COHERENT
 from silmesh.cameras.attempt import Attempt, read_attempt, write_attempt
 from silmesh.cameras.features import keep_inside
 from silmesh.cameras.mapping import MAPPERS, map_views
@@ -17,6 +16,7 @@ from silmesh.progress import share_of, within
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.colmap import judge
 from silmesh.steps.command import output_folder, parser, run
+from silmesh.thresholds import COHERENT
 from silmesh.views import read_views
 
 SOURCE = "colmap, masked"

@@ -56,7 +56,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         fit = SoftRas(*to_tensors(mesh), cameras, target, settings)
         with suppress(NotFinite):
             while not fit.done:
-                yield fit.step()[0]
+                yield fit.step()["loss"]
 
     first = first_mesh(init, silhouettes, cameras, trial, share_of(f"first {given.output}"))
     for warning in first.told["warnings"]:
