@@ -79,7 +79,7 @@ def test_a_fork_makes_the_same_bytes(waiting, tmp_path):
         assert photograph(tmp_path / name, 2, env=environment).wait() == 0
         files = sorted(f for f in (tmp_path / name).rglob("*") if f.is_file())
         made[name] = {f.relative_to(tmp_path / name): f.read_bytes() for f in files}
-    assert len(made["fork"]) == 5
+    assert len(made["fork"]) == 7  # two photographs, two masks, a list in each folder, the truth
     assert made["fork"] == made["alone"]
 
 

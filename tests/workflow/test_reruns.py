@@ -73,7 +73,7 @@ def test_what_changes_nothing_reruns_nothing(project):
             "report report"}),
         ("shapes/place.py", "REPORT_RADIUS = 90", "REPORT_RADIUS = 91", FROM_FIRST),
         ("scene.py", '"scale": similarity', '"size": 1, "scale": similarity', FROM_SCENE),
-        ("silhouettes/mask.py", "max() // 2", "max() // 3", FROM_SILHOUETTES),
+        ("silhouettes/mask.py", "WIDE = 4", "WIDE = 5", FROM_SILHOUETTES),
         ("softras/cpu.py", "WINDOW = 64", "WINDOW = 32", FROM_SCENE),
         ("cli/outcome.py", "FEWEST = 8", "FEWEST = 9", set()),
         ("cameras/turntable.py", "HALF_ANGLE = 15.0", "HALF_ANGLE = 14.0", FROM_CAMERAS),
