@@ -12,10 +12,9 @@ from silmesh.cameras.camera import write_cameras
 from silmesh.errors import InputError, blaming
 from silmesh.files import replacing
 from silmesh.fitting.checkpoint import Checkpoint
-from silmesh.fitting.fast import Fast
 from silmesh.fitting.loop import Record
 from silmesh.fitting.loop import run as run_fit
-from silmesh.fitting.softras import SoftRas
+from silmesh.fitting.presets import find_procedure
 from silmesh.meshes import read_mesh, to_tensors, write_mesh
 from silmesh.progress import Progress
 from silmesh.scene import SILHOUETTES, read_scene
@@ -23,8 +22,6 @@ from silmesh.settings.fit import Fit
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import add_settings, output_file, parser, run
 from silmesh.views import held_out
-
-PROCEDURES = {"softras": SoftRas, "fast": Fast}
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -52,7 +49,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         )
     progress = Progress(f"fit {given.name}", settings.iterations)
     with blaming(given.name):
-        fit = PROCEDURES[settings.preset](*parts)
+        fit = find_procedure(settings.preset)(*parts)
         records = run_fit(
             fit,
             lambda record: progress(record.iteration + 1, f"loss {record.loss:.4f}"),
