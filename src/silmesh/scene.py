@@ -22,12 +22,11 @@ from silmesh.cameras.camera import (
     read_cameras,
     write_cameras,
 )
-from silmesh.errors import InputError
+from silmesh.errors import InputError, name_some
 from silmesh.files import making
 from silmesh.straighten import Straightened
 
 VIEWS, SILHOUETTES = "views", "silhouettes"  # folders of a scene
-NAMED = 3  # views in a message
 
 
 def normalising(cameras: Cameras, silhouettes: np.ndarray) -> Similarity:
@@ -82,7 +81,7 @@ def _say_behind(cameras: Cameras, depth: Tensor) -> str:
             f"view {view!r}: the object would lie behind its camera, and behind those of all views:"
             " the cameras look away from it"
         )
-    others = f" ({', '.join(behind[:NAMED])}{', ...' * (len(behind) > NAMED)})"
+    others = f" ({name_some(behind)})"
     return (
         f"view {view!r}: the object would lie behind its camera: {len(behind)} of {len(cameras)} "
         f"cameras look away from it{others * (len(behind) > 1)}; the cameras and the silhouettes "
