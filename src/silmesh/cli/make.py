@@ -10,7 +10,7 @@ import click
 
 from silmesh.cameras.locate import locate
 from silmesh.cli.bar import Bar
-from silmesh.cli.choose import COHERENT, choose_cameras, choose_silhouettes, look
+from silmesh.cli.choose import choose_cameras, choose_silhouettes, look
 from silmesh.cli.outcome import (
     advise_on_cameras,
     copy,
@@ -36,6 +36,7 @@ from silmesh.errors import InputError
 from silmesh.files import try_file
 from silmesh.silhouettes.mask import refuse_labels
 from silmesh.silhouettes.weights import CACHE
+from silmesh.thresholds import CONVINCING
 
 VIDEO = "video"  # folder of what a video is cut into; no masks lie beside it
 OTHER_KEEP = "--keep should name another folder"
@@ -230,7 +231,7 @@ def _try(
         else:
             made = variant
             coherence = _read(work, made)["hull_iou_mean"]
-            if coherence >= COHERENT:
+            if coherence >= CONVINCING:
                 break
         if then:
             why, *measured = (

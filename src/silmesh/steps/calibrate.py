@@ -42,7 +42,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         distance=given.distance,
         above_table=given.settings.above_table,
         aspect=aspect,
-        frames=np.array([[view.left, view.top, view.right, view.bottom] for view in views]),
+        frames=np.array([view.frame for view in views]),
         progress=share_of(f"calibrate {given.output}"),
     )
     for warning in attempt.warnings:

@@ -7,7 +7,6 @@ from tempfile import TemporaryDirectory
 
 import torch
 
-from silmesh.agreement import COHERENT
 from silmesh.cameras.attempt import Attempt, read_attempt, write_attempt
 from silmesh.cameras.features import keep_inside
 from silmesh.cameras.mapping import map_views
@@ -18,6 +17,7 @@ from silmesh.settings.cameras import Colmap
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.colmap import judge
 from silmesh.steps.command import add_settings, output_folder, parser, run
+from silmesh.thresholds import COHERENT
 from silmesh.views import read_views
 
 SOURCE = "colmap, masked"

@@ -13,8 +13,8 @@ import trimesh
 from silmesh.cameras.camera import MIRROR, read_cameras
 from silmesh.evaluation import silhouette_iou, summarise_iou
 from silmesh.files import replacing
+from silmesh.mesh_quality import measure_quality
 from silmesh.meshes import read_mesh, to_tensors
-from silmesh.quality import measure_quality
 from silmesh.scene import SILHOUETTES, read_scene
 from silmesh.settings.fit import Fit
 from silmesh.silhouettes import read_silhouettes
@@ -95,8 +95,8 @@ def _compare(
 ) -> dict[str, bool | float | dict | None]:
     """Compare a mesh to the truth, after it was ``laid`` on it if that is asked for."""
     # What only a truth needs: libraries that take half a second of a run without one.
-    from silmesh.alignment import align
-    from silmesh.comparison import compare_to_truth
+    from silmesh.ground_truth import compare_to_truth
+    from silmesh.registration import align
 
     if not laid:
         return compare_to_truth(mesh, truth)

@@ -48,7 +48,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         fit = SoftRas(*to_tensors(mesh), cameras, target, trials)
         with suppress(NotFinite):
             while not fit.done:
-                yield fit.step()[0]
+                yield fit.step()["loss"]
 
     first = first_mesh(
         given.settings, silhouettes, cameras, trial, share_of(f"first {given.output}")

@@ -16,12 +16,12 @@ from silmesh.cameras.camera import Cameras, Similarity
 from silmesh.errors import blaming
 from silmesh.evaluation import coherence
 from silmesh.files import making
+from silmesh.geometry.frame import count_on_frame
 from silmesh.hull import carve
 from silmesh.judging.colours import Figures, compare_all, contradict
 from silmesh.judging.policy import DROPPED, KEPT, REPAIRED, WEIGHTS, Decision, decide
 from silmesh.judging.repair import repair
 from silmesh.judging.table import write_table
-from silmesh.judging.votes import on_frame
 from silmesh.progress import share_of
 from silmesh.scene import SILHOUETTES, VIEWS, normalising, read_scene, write_scene
 from silmesh.settings.quality import Quality
@@ -141,7 +141,7 @@ def _say(scene: Path, views: Sequence[str], frames: np.ndarray, decision: Decisi
         if doubt:
             print(f"silmesh: {scene}: view {view!r} is {fate}: {doubt}", file=sys.stderr)
     for i in decision.fitted:
-        if pixels := on_frame(decision.silhouettes[i], frames[i]):
+        if pixels := count_on_frame(decision.silhouettes[i], frames[i]):
             print(
                 f"silmesh: {scene}: view {views[i]!r}: the object leaves the photograph ({pixels} "
                 "pixels on its edge); what is beyond only other views show",

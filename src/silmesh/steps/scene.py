@@ -9,7 +9,7 @@ from pathlib import Path
 
 import torch
 
-from silmesh.agreement import COHERENT, Placed, choose, find_shown, refused_or
+from silmesh.agreement import Placed, choose, find_shown, refused_or
 from silmesh.cameras.attempt import CHECK_SERIES, TRY_CALIBRATE, Attempt, read_attempt
 from silmesh.conventions import settle
 from silmesh.diagnosis import MEASURED, diagnose_folders
@@ -18,6 +18,7 @@ from silmesh.hull import find_doubtful
 from silmesh.scene import SILHOUETTES, VIEWS, write_scene
 from silmesh.silhouettes import read_lost, read_silhouettes
 from silmesh.steps.command import output_folder, parser, run
+from silmesh.thresholds import COHERENT
 from silmesh.views import read_views
 
 DOUBTFUL = 0.5  # below this hull IoU a person is told before the fit, not only on the page
@@ -124,7 +125,7 @@ def _frames(best: Placed, views: Path) -> dict[str, list[int]]:
     return {
         view.view: [0, 0, view.size, view.size]
         if view.view in best.straightened.sources
-        else [view.left, view.top, view.right, view.bottom]
+        else list(view.frame)
         for view in read_views(views)
         if view.view in best.cameras.views
     }
