@@ -88,6 +88,19 @@ def test_code_reruns_the_steps_that_import_it(project, path, old, new, expected)
     assert project.outdated() == expected
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("Field(0.01, description=", "Field(0.02, description=", from_fit(*VARIANTS)),
+        ("Field(0.5, description=", "Field(0.6, description=", set()),  # of the other preset
+        ('2000, description="steps"', '2000, description="steps of Adam"', set()),
+    ],
+)
+def test_a_default_reruns_the_stage_that_is_told_it(project, old, new, expected):
+    project.edit("src/silmesh/settings/fit.py", old, new)
+    assert project.outdated() == expected
+
+
 def test_a_learning_rate(project):
     project.edit("config/config.yaml", "3}\n  boxed", "3, learning_rate: 0.0200000001}\n  boxed")
     assert project.outdated() == from_fit("round")

@@ -18,12 +18,12 @@ rule fit:
     params:
         settings=fit_settings,
         checkpoint="results/{object}/{variant}/.checkpoint.pt",
-        code=code_digest("silmesh.steps.fit"),
+        code=code_digest("silmesh.steps.fit", preset_module),
     message:
         "{wildcards.object}/{wildcards.variant}: fitting"
     shell:
         "python -m silmesh.steps fit --first {input.first:q}"
-        " --scene {input.scene:q} {params.settings}"
+        " --scene {input.scene:q} --settings {params.settings:q}"
         " --threads {threads} --name {wildcards.object}/{wildcards.variant}"
         " --meshes {output.mesh:q} --cameras {output.cameras:q} --loss {output.loss:q}"
         " --checkpoint {params.checkpoint:q} --code {params.code}"

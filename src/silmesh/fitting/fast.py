@@ -24,6 +24,7 @@ from silmesh.fitting.place import place
 from silmesh.fitting.smooth import Smooth, UniformAdam
 from silmesh.fitting.untangle import untangle
 from silmesh.remesh import even_length, remesh
+from silmesh.settings.fit import FastFit
 from silmesh.softras import soft_silhouettes
 
 PRIOR = 0.01  # weight of the cameras' prior
@@ -39,37 +40,6 @@ FINER = 0.7  # mean of the edges over their wished length that does so, too
 SHORTEST = 1.0  # pixels of the working images: no edge is wished shorter
 REMESH_PASSES = 3
 APART = 0.1  # pixels of the working images between two sides that had passed through each other
-
-
-@dataclass(frozen=True)
-class Settings:
-    """What a fit is told.
-
-    Attributes:
-        iterations: steps at most
-        learning_rate: the longest step of a vertex at first, in pixels
-        betas: of the vertices' Adam
-        sigma: softness of the silhouettes in the end, in squared half-image units
-        laplacian, flatten: weights of the two smoothness terms
-        smoothing: how far a step spreads over the mesh, in squared edges
-        batch: views in a step; 0 for all
-        coarse_to_fine, refine_cameras, remesh, untangle: whether this is done
-        seed: of the batches' order
-    """
-
-    iterations: int
-    learning_rate: float
-    betas: tuple[float, float]
-    sigma: float
-    laplacian: float
-    flatten: float
-    smoothing: float
-    batch: int
-    coarse_to_fine: bool
-    refine_cameras: bool
-    remesh: bool
-    untangle: bool
-    seed: int
 
 
 @dataclass
@@ -113,7 +83,7 @@ class Fast:
         faces: [faces, 3] int64, closed
         cameras: of the views, in the normalised world
         silhouettes: [views, height, width] float32, 0 or 1
-        settings: the procedure's numbers
+        settings: of the procedure; their ``holdout`` and ``device`` are the caller's
         weights: [views] how much each view counts; all the same if not given
     """
 
@@ -123,11 +93,12 @@ class Fast:
         faces: Tensor,
         cameras: Cameras,
         silhouettes: Tensor,
-        settings: Settings,
+        settings: FastFit,
         weights: Tensor | None = None,
     ):
         self._told, self._weights = settings, weights
-        self._levels = levels_of(cameras, silhouettes, settings.sigma, settings.coarse_to_fine)
+        sigma = settings.sigma_at(silhouettes.shape[-1])
+        self._levels = levels_of(cameras, silhouettes, sigma, settings.coarse_to_fine)
         self._batches = math.ceil(len(cameras) / (settings.batch or len(cameras)))
         self._round = self._batches * math.ceil(ROUND / self._batches)
         self._refinement = Refinement(cameras)
@@ -260,7 +231,7 @@ class Fast:
         """What follows from the faces alone."""
         told = self._told
         self._smooth = Smooth(faces, count, told.smoothing)
-        self._objective = Objective(faces, count, told.laplacian, told.flatten)
+        self._objective = Objective(faces, count, told.weights)
 
     def _new_mover(self, u: Tensor) -> UniformAdam:
         return UniformAdam(u.detach(), self._told.betas)
@@ -297,3 +268,6 @@ def _unpack(here: Any, kept: Any) -> Any:
         return kept.requires_grad_()
     here.detach().copy_(kept)
     return here
+
+
+PROCEDURE = Fast

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from silmesh.geometry.edges import number_edges
+from silmesh.settings.fit import FastWeights, Weights
 
 EPS = 1e-6
 
@@ -33,12 +34,12 @@ class Objective:
     Args:
         faces: [faces, 3], as ``Laplacian`` and ``Flatten`` take them
         verts: how many vertices they have
-        laplacian, flatten: the weights
+        weights: of the two terms
     """
 
-    def __init__(self, faces: Tensor, verts: int, laplacian: float, flatten: float):
+    def __init__(self, faces: Tensor, verts: int, weights: Weights | FastWeights):
         self._laplacian, self._flatten = Laplacian(faces, verts), Flatten(faces)
-        self._weights = laplacian, flatten
+        self._weights = weights
 
     def __call__(
         self, verts: Tensor, alpha: Tensor, silhouettes: Tensor, weights: Tensor | None = None
@@ -46,7 +47,7 @@ class Objective:
         """The losses of vertices [verts, 3] and their rendering; see ``iou_loss``."""
         iou, laplacian = iou_loss(alpha, silhouettes, weights), self._laplacian(verts)
         flatten = self._flatten(verts)
-        loss = iou + self._weights[0] * laplacian + self._weights[1] * flatten
+        loss = iou + self._weights.laplacian * laplacian + self._weights.flatten * flatten
         return Losses(loss, iou, laplacian, flatten)
 
 

@@ -3,13 +3,14 @@
 A source is a module with ``find(image, view, mask)``: the working image (RGB, or RGBA if the
 photograph has an alpha channel), its ``View``, and the path of its mask file or None. It gives
 [size, size] bool. One with a network, which is loaded once and may look at all views before it
-decides, has ``find_all(views, settings)`` instead and gives them in turn; it is imported only when
-it is asked for. On disk a silhouette is what the report defines: RGBA, alpha 255 and grey 124 on
-the object, zero elsewhere.
+decides, has ``find_all(views, settings, threads)`` instead and gives them in turn; it is imported
+only when it is asked for. On disk a silhouette is what the report defines: RGBA, alpha 255 and grey
+124 on the object, zero elsewhere.
 """
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from PIL import Image
 
 from silmesh.errors import InputError
 from silmesh.files import making
+from silmesh.settings.silhouettes import Networks
 from silmesh.silhouettes import alpha, mask
 from silmesh.views import View
 
@@ -30,7 +32,7 @@ def _find_by_threshold(image: Image.Image, view: View, file: Path | None) -> np.
 
 
 SOURCES = {"mask": mask.find, "alpha": alpha.find, "threshold": _find_by_threshold}
-NETWORKS = ("deeplab", "matting")
+NETWORKS = tuple(Networks.model_fields)  # each the module of its name, with `find_all`
 GIVEN = ("mask", "alpha")  # sources that a person made
 GREY = 124
 LOST = "lost.json"  # which silhouettes are empty because something could not be read, if any are
@@ -55,6 +57,7 @@ def write_silhouettes(
     settings: Any = None,
     spare: bool = False,
     progress: Callable[[int], None] = lambda done: None,
+    threads: int | None = None,
 ) -> list[str]:
     """Find the silhouette of every view and write ``<folder>/<view>.png``.
 
@@ -67,6 +70,7 @@ def write_silhouettes(
         spare: write an empty silhouette where one cannot be used, as long as two can; those of
             which photograph or mask cannot be read are also named in ``lost.json``
         progress: is told how many views are done
+        threads: of the network
 
     Returns:
         for each view that was spared, what is wrong with its silhouette
@@ -80,7 +84,7 @@ def write_silhouettes(
     _refuse_other_count(source, views, masks)
     with making(folder) as part:
         files = masks or [None] * len(views)
-        found = _find_each(source, views, images, files, settings)
+        found = _find_each(source, views, images, files, settings, threads)
         each = zip(views, files, found, strict=True)
         for done, (view, file, silhouette) in enumerate(each, start=1):
             if isinstance(silhouette, mask.SeveralValuesError):
@@ -111,17 +115,13 @@ def _find_each(
     images: Path,
     files: Sequence[Path | None],
     settings: Any,
+    threads: int | None,
 ) -> Iterator[np.ndarray | InputError]:
     """The silhouette of each view in turn, or why there is none."""
     readable = [view for view in views if not view.unreadable]
-    if source == "deeplab":
-        from silmesh.silhouettes import deeplab  # torch and torchvision take seconds to import
-
-        found = deeplab.find_all(readable, settings)
-    elif source == "matting":
-        from silmesh.silhouettes import matting
-
-        found = matting.find_all(readable, settings)
+    if source in NETWORKS:  # torch and torchvision take seconds to import
+        network = import_module(f"silmesh.silhouettes.{source}")
+        found = network.find_all(readable, settings, threads)
     else:
         pairs = zip(views, files, strict=True)
         found = (_find(source, view, images, f) for view, f in pairs if not view.unreadable)

@@ -9,13 +9,14 @@ import torch
 
 from silmesh.cameras.attempt import Attempt, read_attempt, write_attempt
 from silmesh.cameras.features import keep_inside
-from silmesh.cameras.mapping import MAPPERS, map_views
+from silmesh.cameras.mapping import map_views
 from silmesh.cameras.matching import match
 from silmesh.cameras.stages import DATABASE, make_stage, read_report
 from silmesh.progress import share_of, within
+from silmesh.settings.cameras import Colmap
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.colmap import judge
-from silmesh.steps.command import output_folder, parser, run
+from silmesh.steps.command import add_settings, output_folder, parser, run
 from silmesh.thresholds import COHERENT
 from silmesh.views import read_views
 
@@ -30,9 +31,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--unmasked", type=Path, help="the attempt without masks")
     args.add_argument("--views", type=Path, required=True, help="folder of the working images")
     args.add_argument("--silhouettes", type=Path, required=True, help="folder of the silhouettes")
-    args.add_argument("--matching", choices=["exhaustive", "sequential"], required=True)
-    args.add_argument("--mapping", choices=list(MAPPERS), required=True)
-    args.add_argument("--seed", type=int, default=0)
+    add_settings(args, Colmap)
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument("--output", type=output_folder, required=True, help="folder to make")
     given = args.parse_args(argv)
@@ -57,8 +56,7 @@ def main(argv: Sequence[str] | None = None) -> None:
                 read_report(inside),
                 lambda part, report: match(
                     inside / DATABASE,
-                    given.matching,
-                    given.seed,
+                    given.settings,
                     given.threads,
                     part,
                     report,
@@ -70,8 +68,7 @@ def main(argv: Sequence[str] | None = None) -> None:
                 read_report(matches),
                 lambda part, report: map_views(
                     matches / DATABASE,
-                    given.mapping,
-                    given.seed,
+                    given.settings,
                     part,
                     report,
                     within(progress, MATCHED, 1),

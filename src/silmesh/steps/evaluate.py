@@ -16,8 +16,9 @@ from silmesh.files import replacing
 from silmesh.mesh_quality import measure_quality
 from silmesh.meshes import read_mesh, to_tensors
 from silmesh.scene import SILHOUETTES, read_scene
+from silmesh.settings.fit import Fit
 from silmesh.silhouettes import read_silhouettes
-from silmesh.steps.command import output_file, parser, run
+from silmesh.steps.command import add_settings, output_file, parser, run
 from silmesh.views import held_out
 
 
@@ -31,8 +32,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--first", type=Path, help="init.json of its first mesh")
     args.add_argument("--truth", type=Path, help="the true mesh, in the cameras' world")
     args.add_argument("--align", action="store_true", help="lay the mesh on the truth first")
-    args.add_argument("--holdout", type=int, default=0, help="every n-th view was kept out")
-    args.add_argument("--sigma", type=float, required=True, help="as in the fit")
+    add_settings(args, Fit, of="its fit")
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument("--results", type=Path, default=Path("results"), help="for relative paths")
     args.add_argument("--output", type=output_file, required=True, help="metrics.json to write")
@@ -42,11 +42,12 @@ def main(argv: Sequence[str] | None = None) -> None:
     cameras, mesh = read_cameras(given.cameras), read_mesh(given.mesh)
     folder = given.scene / SILHOUETTES
     silhouettes = read_silhouettes(folder, cameras.views)
-    iou = silhouette_iou(*to_tensors(mesh), cameras, silhouettes, given.sigma)
+    sigma = given.settings.sigma_at(silhouettes.shape[-1])
+    iou = silhouette_iou(*to_tensors(mesh), cameras, silhouettes, sigma)
     scene = read_scene(given.scene)[2]
     last = _read_last(given.loss)
     metrics = {
-        **summarise_iou(iou, held_out(len(iou), given.holdout)),
+        **summarise_iou(iou, held_out(len(iou), given.settings.holdout)),
         "hull_iou_mean": scene["hull_iou_mean"],
         "views": len(iou),
         "views_dropped": len(scene["dropped"]),

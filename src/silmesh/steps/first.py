@@ -13,30 +13,25 @@ import trimesh
 from silmesh.cameras.camera import Cameras
 from silmesh.files import replacing
 from silmesh.fitting.loop import NotFinite
-from silmesh.fitting.softras import Settings, SoftRas
+from silmesh.fitting.softras import SoftRas
 from silmesh.meshes import to_tensors
 from silmesh.progress import share_of
 from silmesh.scene import SILHOUETTES, read_scene
+from silmesh.settings.fit import SoftRasFit
+from silmesh.settings.init import Init
 from silmesh.shapes.choose import ROUNDS
-from silmesh.shapes.first import SHAPES, Init, first_mesh
+from silmesh.shapes.first import first_mesh
 from silmesh.shapes.looks import crop
 from silmesh.silhouettes import read_silhouettes
-from silmesh.steps.command import output_file, parser, run
+from silmesh.steps.command import add_settings, output_file, parser, run
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Parse, load, call, save."""
     args = parser(__doc__)
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
-    args.add_argument("--shape", choices=list(SHAPES), required=True)
-    args.add_argument("--vertices", required=True, help="a number, or auto")
-    args.add_argument("--align", choices=["none", "bbox"], required=True)
-    args.add_argument("--genus", choices=["keep", "sphere"], default="keep", help="of hull, prism")
-    args.add_argument("--learning-rate", type=float, default=0.01, help="of auto's trials")
-    args.add_argument("--betas", type=float, nargs=2, default=(0.5, 0.99), help="of auto's trials")
-    args.add_argument("--sigma", type=float, default=1e-4, help="of auto's trials")
-    args.add_argument("--laplacian", type=float, default=0.03, help="weight in auto's trials")
-    args.add_argument("--flatten", type=float, default=0.0003, help="weight in auto's trials")
+    add_settings(args, Init)
+    add_settings(args, SoftRasFit, "--trial", "the fits by which shape auto chooses")
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument("--output", type=output_file, required=True, help="PLY to write")
     args.add_argument("--report", type=output_file, required=True, help="init.json to write")
@@ -44,21 +39,20 @@ def main(argv: Sequence[str] | None = None) -> None:
     torch.set_num_threads(given.threads)
     cameras, _, scene = read_scene(given.scene)
     silhouettes = read_silhouettes(given.scene / SILHOUETTES, cameras.views)
-    if given.shape != "sphere":  # the report's, which is placed in the whole image
+    if given.settings.shape != "sphere":  # the report's, which is placed in the whole image
         silhouettes, cameras = crop(silhouettes, cameras, scene["frame"])
-    vertices = None if given.vertices == "auto" else int(given.vertices)
-    init = Init(given.shape, vertices, given.align, given.genus)
+    trials = given.trial.model_copy(update={"iterations": ROUNDS[-1][0] + 1})
 
     def trial(mesh: trimesh.Trimesh, cameras: Cameras, silhouettes: np.ndarray) -> Iterator[float]:
-        names = ("learning_rate", "betas", "sigma", "laplacian", "flatten")
-        settings = Settings(ROUNDS[-1][0] + 1, **{name: getattr(given, name) for name in names})
         target = torch.tensor(silhouettes, dtype=torch.float32)
-        fit = SoftRas(*to_tensors(mesh), cameras, target, settings)
+        fit = SoftRas(*to_tensors(mesh), cameras, target, trials)
         with suppress(NotFinite):
             while not fit.done:
                 yield fit.step()["loss"]
 
-    first = first_mesh(init, silhouettes, cameras, trial, share_of(f"first {given.output}"))
+    first = first_mesh(
+        given.settings, silhouettes, cameras, trial, share_of(f"first {given.output}")
+    )
     for warning in first.told["warnings"]:
         print(f"silmesh: {given.scene}: {warning}", file=sys.stderr)
     with replacing(given.output) as part:

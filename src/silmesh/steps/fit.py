@@ -11,34 +11,30 @@ import torch
 from silmesh.cameras.camera import write_cameras
 from silmesh.errors import InputError, blaming
 from silmesh.files import replacing
-from silmesh.fitting import fast, softras
 from silmesh.fitting.checkpoint import Checkpoint
-from silmesh.fitting.fast import Fast
 from silmesh.fitting.loop import Record
 from silmesh.fitting.loop import run as run_fit
-from silmesh.fitting.softras import SoftRas
+from silmesh.fitting.presets import find_procedure
 from silmesh.meshes import read_mesh, to_tensors, write_mesh
 from silmesh.progress import Progress
 from silmesh.scene import SILHOUETTES, read_scene
+from silmesh.settings.fit import Fit
 from silmesh.silhouettes import read_silhouettes
-from silmesh.steps.command import output_file, parser, run
+from silmesh.steps.command import add_settings, output_file, parser, run
 from silmesh.views import held_out
-
-PROCEDURES = {"softras": (SoftRas, softras.Settings), "fast": (Fast, fast.Settings)}
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Parse, load, call, save."""
     given = _parse(argv)
     torch.set_num_threads(given.threads)
-    procedure, kind = PROCEDURES[given.preset]
-    settings = kind(**{field.name: getattr(given, field.name) for field in fields(kind)})
+    settings = given.settings
 
     cameras, similarity, told = read_scene(given.scene)
     counts = [told.get("weights", {}).get(view, 1.0) for view in cameras.views]
-    out = held_out(len(cameras), given.holdout)
+    out = held_out(len(cameras), settings.holdout)
     kept = [i for i, count in enumerate(counts) if count and i not in out]
-    device = _choose_device(given.device)
+    device = _choose_device(settings.device)
     silhouettes = torch.tensor(read_silhouettes(given.scene / SILHOUETTES, cameras.views)[kept])
     template, faces = (part.to(device) for part in to_tensors(read_mesh(given.first)))
     seen = cameras.select(kept), silhouettes.to(device, torch.float32)
@@ -53,7 +49,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         )
     progress = Progress(f"fit {given.name}", settings.iterations)
     with blaming(given.name):
-        fit = procedure(*parts)
+        fit = find_procedure(settings.preset)(*parts)
         records = run_fit(
             fit,
             lambda record: progress(record.iteration + 1, f"loss {record.loss:.4f}"),
@@ -75,21 +71,7 @@ def _parse(argv: Sequence[str] | None) -> argparse.Namespace:
     args = parser(__doc__)
     args.add_argument("--first", type=Path, required=True, help="first mesh, at unit size")
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
-    args.add_argument("--preset", choices=list(PROCEDURES), required=True)
-    args.add_argument("--iterations", type=int, required=True, help="steps, at most")
-    args.add_argument("--learning-rate", type=float, required=True, help="see the preset's module")
-    args.add_argument("--betas", type=float, nargs=2, required=True, help="Adam's")
-    args.add_argument("--sigma", type=float, required=True, help="in squared half-image units")
-    args.add_argument("--laplacian", type=float, required=True, help="weight")
-    args.add_argument("--flatten", type=float, required=True, help="weight")
-    only = args.add_argument_group("of the preset fast only")
-    only.add_argument("--smoothing", type=float, help="how far a step spreads, in squared edges")
-    only.add_argument("--batch", type=int, help="views in a step; 0 for all")
-    for switch in ("--coarse-to-fine", "--refine-cameras", "--remesh", "--untangle"):
-        only.add_argument(switch, action=argparse.BooleanOptionalAction, default=True)
-    only.add_argument("--seed", type=int, default=0)
-    args.add_argument("--holdout", type=int, default=0, help="every n-th view is kept out")
-    args.add_argument("--device", choices=["cpu", "cuda", "auto"], default="auto")
+    add_settings(args, Fit)
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument("--name", default="fit", help="what progress lines call this fit")
     args.add_argument(

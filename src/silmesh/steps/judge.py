@@ -24,8 +24,9 @@ from silmesh.judging.repair import repair
 from silmesh.judging.table import write_table
 from silmesh.progress import share_of
 from silmesh.scene import SILHOUETTES, VIEWS, normalising, read_scene, write_scene
+from silmesh.settings.quality import Quality
 from silmesh.silhouettes import encode, read_silhouettes
-from silmesh.steps.command import output_folder, parser, run
+from silmesh.steps.command import add_settings, output_folder, parser, run
 
 ORIGINALS = "originals"  # in the scene's folder
 LOWERING = "lowers the hull IoU most"  # what the scene says of views, where nothing worse is found
@@ -36,8 +37,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Parse, load, call, save."""
     args = parser(__doc__)
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
-    args.add_argument("--policy", choices=["keep", "drop", "repair"], required=True)
-    args.add_argument("--fewest", type=int, default=3, help="views that must be left")
+    add_settings(args, Quality)
+    args.add_argument("--source", default="", help="of the silhouettes, by which policy auto goes")
     args.add_argument("--keep-world", action="store_true", help="it is normalised already")
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument("--output", type=output_folder, required=True, help="folder to make")
@@ -58,7 +59,14 @@ def main(argv: Sequence[str] | None = None) -> None:
     unreadable = [place[view] for view in told["unreadable"] if view in place]
     with blaming(given.scene):
         decision = decide(
-            given.policy, given.fewest, found, cameras, segment, frames, lost, unreadable
+            given.settings.policy_for(given.source),
+            given.settings.fewest,
+            found,
+            cameras,
+            segment,
+            frames,
+            lost,
+            unreadable,
         )
     colours = compare_all(given.scene / VIEWS, cameras.views, decision.silhouettes, frames)
     world = _measure(cameras, similarity, told, decision, given.keep_world)
