@@ -25,7 +25,7 @@ ON = {  # what a module of it stands on
 STAGES = {
     *("views", "silhouettes", "cameras", "scene", "shapes", "fitting", "evaluation", "report"),
     *("training", "synthetic", "meshes", "progress", "colouring", "quality", "alignment"),
-    *("agreement", "comparison", "conventions", "diagnosis", "judging"),
+    *("agreement", "assemble", "comparison", "conventions", "diagnosis", "judging", "motion"),
 }
 PLANNING = {
     *("config", "manual", "datasets", "feasible", "places", "plan", "provenance", "lock", "warm"),
@@ -41,6 +41,10 @@ BESIDES = {
     "silhouettes": {"views"},
     "cameras": {"views"},
     "synthetic": {"cameras.turntable"},
+    "scene": {"silhouettes"},
+    "judging": {"evaluation", "scene"},
+    "assemble": {"views", "cameras.attempt", "scene", "agreement", "conventions", "diagnosis"},
+    "motion": {"views", "cameras", "agreement"},
     "agreement": {"cameras.attempt", "scene", "evaluation"},
     "conventions": {"cameras.attempt", "scene", "agreement"},
     "diagnosis": {"views", "silhouettes"},
