@@ -25,7 +25,8 @@ ON = {  # what a module of it stands on
 STAGES = {
     *("views", "silhouettes", "cameras", "scene", "shapes", "fitting", "evaluation", "report"),
     *("training", "synthetic", "meshes", "progress", "colouring", "quality", "alignment"),
-    *("agreement", "assemble", "comparison", "conventions", "diagnosis", "judging", "motion"),
+    *("agreement", "assemble", "comparison", "conventions", "diagnosis", "judging", "metrics"),
+    "motion",
 }
 PLANNING = {
     *("config", "manual", "datasets", "feasible", "places", "plan", "provenance", "lock", "warm"),
@@ -44,6 +45,8 @@ BESIDES = {
     "scene": {"silhouettes"},
     "judging": {"evaluation", "scene"},
     "assemble": {"views", "cameras.attempt", "scene", "agreement", "conventions", "diagnosis"},
+    "fitting": {"meshes", "scene", "views"},
+    "metrics": {"evaluation", "meshes", "quality", "scene", "views", "alignment", "comparison"},
     "motion": {"views", "cameras", "agreement"},
     "agreement": {"cameras.attempt", "scene", "evaluation"},
     "conventions": {"cameras.attempt", "scene", "agreement"},

@@ -1,6 +1,6 @@
 """The first mesh that a configuration names, and what a person should know of it."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -13,6 +13,7 @@ from silmesh.hull import is_cut
 from silmesh.progress import Share, untold
 from silmesh.shapes.carved import Carved, EmptyHull, hull_mesh, prism_mesh
 from silmesh.shapes.choose import VERTICES, Score, Trial, score_meshes, share
+from silmesh.shapes.looks import crop
 from silmesh.shapes.place import align_to_box, choose_count, choose_report_count, to_unit
 from silmesh.shapes.primitives import PRIMITIVES, placed_primitive, plain_primitive
 from silmesh.shapes.sphere import FEWEST, unit_sphere
@@ -60,6 +61,7 @@ def first_mesh(
     cameras: Cameras,
     trial: Trial | None = None,
     progress: Share = untold,
+    frame: Sequence[int] | None = None,
 ) -> First:
     """Make a first mesh at unit size; the fit halves it.
 
@@ -71,10 +73,14 @@ def first_mesh(
         cameras: of these views, in the normalised world
         trial: fits for a few steps; needed for ``auto``
         progress: is told which share of these fits is done
+        frame: left, top, right and bottom of all photographs in these images, in pixels; the whole
+            images if not given
 
     Raises:
         InputError: too few vertices
     """
+    if frame is not None and init.shape != "sphere":  # the report's is placed in the whole image
+        silhouettes, cameras = crop(silhouettes, cameras, frame)
     if init.vertices is not None and init.vertices < FEWEST:
         raise InputError(f"a first mesh of {init.vertices} vertices: should have at least {FEWEST}")
     scores, warnings = {}, []
