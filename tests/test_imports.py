@@ -26,7 +26,7 @@ STAGES = {
     *("views", "silhouettes", "cameras", "scene", "shapes", "fitting", "evaluation", "report"),
     *("training", "synthetic", "meshes", "progress", "colouring", "quality", "alignment"),
     *("agreement", "assemble", "comparison", "conventions", "diagnosis", "judging", "metrics"),
-    "motion",
+    *("motion", "intake"),
 }
 PLANNING = {
     *("config", "manual", "datasets", "feasible", "places", "plan", "provenance", "lock", "warm"),
@@ -44,6 +44,7 @@ BESIDES = {
     "synthetic": {"cameras.turntable"},
     "scene": {"silhouettes"},
     "judging": {"evaluation", "scene"},
+    "intake": {"views", "cameras.locate", "silhouettes.threshold"},
     "assemble": {"views", "cameras.attempt", "scene", "agreement", "conventions", "diagnosis"},
     "fitting": {"meshes", "scene", "views"},
     "metrics": {"evaluation", "meshes", "quality", "scene", "views", "alignment", "comparison"},

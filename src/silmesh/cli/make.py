@@ -9,7 +9,6 @@ from typing import Any
 import click
 
 from silmesh.cli.bar import Bar
-from silmesh.cli.choose import COHERENT, choose_cameras, choose_silhouettes, look
 from silmesh.cli.outcome import (
     advise_on_cameras,
     copy,
@@ -18,19 +17,20 @@ from silmesh.cli.outcome import (
     find_doubts,
     refuse_suffix,
 )
-from silmesh.cli.photographs import (
-    describe_count,
-    find_cameras,
-    find_masks,
-    find_photographs,
-    is_video,
-)
 from silmesh.cli.runner import RunError, Runner
 from silmesh.cli.workspace import Workspace, claim, place_of, try_workspace
 from silmesh.datasets import usable
 from silmesh.diagnosis import MEASURED, describe_masks
 from silmesh.errors import InputError
 from silmesh.files import try_file
+from silmesh.intake.photographs import (
+    describe_count,
+    find_cameras,
+    find_masks,
+    find_photographs,
+    is_video,
+)
+from silmesh.intake.sources import COHERENT, choose_cameras, choose_silhouettes, look
 from silmesh.silhouettes.weights import CACHE
 
 VIDEO = "video"  # folder of what a video is cut into; no masks lie beside it
@@ -137,7 +137,7 @@ def _cut_video(paths: Sequence[Path], folder: Path) -> Sequence[Path]:
     """What is named; of a video the photographs that it is cut into, in the folder to work in."""
     if len(paths) > 1 or not is_video(paths[0]):
         return paths
-    from silmesh.cli.video import cut  # its libraries, for few
+    from silmesh.intake.video import cut  # its libraries, for few
 
     claim(folder)
     _say(f"{paths[0]}: is a video; the sharpest pictures are taken from it")

@@ -6,14 +6,14 @@ import subprocess
 import pytest
 from PIL import Image
 
-from silmesh.cli.photographs import (
+from silmesh.errors import InputError
+from silmesh.intake.photographs import (
     describe_count,
     find_cameras,
     find_masks,
     find_photographs,
     folders_within,
 )
-from silmesh.errors import InputError
 
 
 def save(path, size=(40, 30), camera=None):

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from silmesh.cli import choose
-from silmesh.cli.choose import Look, choose_cameras, choose_silhouettes, look
 from silmesh.errors import InputError
+from silmesh.intake.sources import Look, choose_cameras, choose_silhouettes, look
 
 GRID = np.indices((96, 128)).transpose(1, 2, 0)
 NOISE = np.random.default_rng(0)
@@ -84,7 +83,7 @@ def test_what_is_cut_out(tmp_path):
 
 def test_without_the_foreground_model_what_to_install_is_said(monkeypatch):
     seen = Look(noise=30.0, change=20.0, cut_out=False)
-    monkeypatch.setattr(choose, "find_spec", lambda name: None)
+    monkeypatch.setattr(sources, "find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"photos: the background is not plain: .* by 30 of 255"):
         choose_silhouettes(seen, False, "photos")
 
