@@ -42,7 +42,7 @@ BESIDES = {
     "silhouettes": {"views"},
     "cameras": {"views"},
     "synthetic": {"cameras.turntable"},
-    "scene": {"silhouettes"},
+    "scene": {"silhouettes", "views"},
     "judging": {"evaluation", "scene"},
     "intake": {"views", "cameras.locate", "silhouettes.threshold"},
     "assemble": {"views", "cameras.attempt", "scene", "agreement", "conventions", "diagnosis"},

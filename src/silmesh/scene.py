@@ -8,12 +8,13 @@ lenses matter.
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
+from PIL import Image
 from torch import Tensor
 
 from silmesh.cameras.camera import (
@@ -27,6 +28,7 @@ from silmesh.errors import InputError
 from silmesh.files import making
 from silmesh.silhouettes import encode, read_silhouettes
 from silmesh.straighten import Straightened
+from silmesh.views import ImageFolder
 
 VIEWS, SILHOUETTES = "views", "silhouettes"  # folders of a scene
 NAMED = 3  # views in a message
@@ -42,6 +44,7 @@ class Scene:
         silhouettes: [views, height, width] bool, undistorted
         coherence: [views], the visual hull's IoU with each silhouette
         told: what else ``scene.json`` says
+        images: the working images, undistorted
     """
 
     cameras: Cameras
@@ -49,6 +52,7 @@ class Scene:
     silhouettes: np.ndarray
     coherence: np.ndarray
     told: Mapping[str, Any]
+    images: Mapping[str, Image.Image] = field(default_factory=dict)
 
     def describe(self) -> dict[str, Any]:
         """All that ``scene.json`` says."""
@@ -163,7 +167,8 @@ def load_scene(folder: Path) -> Scene:
     coherence = np.array([whole["hull_iou"][view] for view in cameras.views])
     told = {key: value for key, value in whole.items() if key not in MEASURED}
     silhouettes = read_silhouettes(folder / SILHOUETTES, cameras.views)
-    return Scene(cameras, similarity, silhouettes, coherence, told)
+    images = ImageFolder(folder / VIEWS)
+    return Scene(cameras, similarity, silhouettes, coherence, told, images)
 
 
 def read_scene(folder: Path) -> tuple[Cameras, Similarity, dict]:

@@ -5,6 +5,7 @@ import pytest
 from PIL import Image
 
 from silmesh.errors import InputError
+from silmesh.intake import sources
 from silmesh.intake.sources import Look, choose_cameras, choose_silhouettes, look
 
 GRID = np.indices((96, 128)).transpose(1, 2, 0)

@@ -33,11 +33,14 @@ class Fitted:
         mesh: in the input's own world, its vertices those of single precision that files have
         cameras: of all views in that world, corrected if the procedure does
         records: the losses before each step
+        sigma, holdout: as it was told: softness of the silhouettes, and which views were kept out
     """
 
     mesh: trimesh.Trimesh
     cameras: Cameras
     records: Sequence[Record]
+    sigma: float
+    holdout: int
 
 
 def fit_mesh(
@@ -81,7 +84,8 @@ def fit_mesh(
     records = run_fit(fit, watch, checkpoint)
     back = scene.similarity.inverse
     fitted = to_mesh(back.apply(fit.verts.double()), fit.faces)
-    return Fitted(fitted, fit.correct(cameras, kept).in_world_of(back), records)
+    corrected = fit.correct(cameras, kept).in_world_of(back)
+    return Fitted(fitted, corrected, records, settings.sigma, holdout)
 
 
 def to_mesh(verts: Tensor, faces: Tensor) -> trimesh.Trimesh:

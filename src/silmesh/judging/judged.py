@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from PIL import Image
 
 from silmesh.cameras.camera import Cameras, Similarity
 from silmesh.evaluation import coherence
@@ -56,7 +55,6 @@ class Judged:
 
 def judge_scene(
     scene: Scene,
-    images: Mapping[str, Image.Image],
     policy: str,
     fewest: int = 3,
     keep_world: bool = False,
@@ -66,7 +64,6 @@ def judge_scene(
 
     Args:
         scene: as it was built
-        images: the working images of its views, undistorted
         policy: ``keep``, ``drop`` or ``repair``
         fewest: views that must be left, if any is dropped
         keep_world: its world is normalised already
@@ -79,7 +76,7 @@ def judge_scene(
     frames = np.array([told["frames"][view] for view in views])
 
     def segment(doubtful: Sequence[int], sound: Sequence[int]) -> np.ndarray:
-        shown = [images[views[i]] for i in doubtful]
+        shown = [scene.images[views[i]] for i in doubtful]
         return repair(shown, scene.silhouettes, scene.cameras, doubtful, sound, frames, progress)
 
     place = {view: i for i, view in enumerate(views)}
@@ -88,7 +85,7 @@ def judge_scene(
     decision = decide(
         policy, fewest, scene.silhouettes, scene.cameras, segment, frames, lost, unreadable
     )
-    colours = compare_all(images, views, decision.silhouettes, frames)
+    colours = compare_all(scene.images, views, decision.silhouettes, frames)
     left = _measure(scene, decision, keep_world)
     left = replace(left, told=_tell(told, views, decision, colours))
     return Judged(left, views, frames, decision, colours)

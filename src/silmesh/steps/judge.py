@@ -15,7 +15,6 @@ from silmesh.judging.table import write_table
 from silmesh.progress import share_of
 from silmesh.scene import SILHOUETTES, VIEWS, load_scene, write_scene
 from silmesh.steps.command import output_folder, parser, run
-from silmesh.views import ImageFolder
 
 ORIGINALS = "originals"  # in the scene's folder
 
@@ -32,11 +31,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)
     numba.set_num_threads(min(given.threads, numba.config.NUMBA_NUM_THREADS))
-    images = ImageFolder(given.scene / VIEWS)
     with blaming(given.scene):
         judged = judge_scene(
             load_scene(given.scene),
-            images,
             given.policy,
             given.fewest,
             given.keep_world,
