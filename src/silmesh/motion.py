@@ -12,10 +12,10 @@ import numpy as np
 from silmesh.agreement import COHERENT, refuse_incoherent
 from silmesh.cameras.attempt import Attempt
 from silmesh.cameras.colmap import attempt_model
-from silmesh.cameras.features import keep_inside
+from silmesh.cameras.features import extract, keep_inside
 from silmesh.cameras.mapping import map_views
 from silmesh.cameras.matching import match
-from silmesh.cameras.stages import DATABASE, MODEL, make_stage, read_report
+from silmesh.cameras.stages import DATABASE, MODEL, Report, make_stage, read_report
 from silmesh.progress import Share, untold, within
 from silmesh.views import View
 
@@ -38,6 +38,59 @@ class Search:
     mapping: str
     seed: int = 0
     threads: int = 1
+
+
+@dataclass(frozen=True)
+class Detail:
+    """How fine features are: of images of so many pixels, at most so many of each."""
+
+    max_size: int
+    features: int
+
+
+def attempt_colmap(
+    images: Sequence[Path],
+    views: Sequence[View],
+    silhouettes: np.ndarray,
+    detail: Detail,
+    search: Search,
+    masks: str,
+    scratch: Path,
+    progress: Share = untold,
+) -> list[Attempt]:
+    """All attempts at cameras by COLMAP, from photographs.
+
+    Args:
+        images: the photographs
+        views: of these, all
+        silhouettes: [views, size, size] bool, of all views
+        detail: of the features
+        masks: ``none``: of all features; ``silhouettes``: of those on the object; ``auto``: of all,
+            and where these come to nothing that is coherent, of those on the object
+        scratch: an existing folder for the stages
+    """
+    features, found = scratch / "all", []
+    make_stage(
+        features,
+        Report(),
+        lambda part, _: extract(
+            images, detail.max_size, detail.features, search.threads, part, progress
+        ),
+    )
+    if masks != "silhouettes":
+        model = find_model(features, search, _folder(scratch, "unmasked"), progress)
+        found.append(judge_model(SOURCE, model, views, silhouettes))
+    if masks != "none":
+        masked = _folder(scratch, "masked")
+        before = found[0] if found else None
+        found.append(attempt_masked(features, views, silhouettes, search, masked, before, progress))
+    return found
+
+
+def _folder(within: Path, name: str) -> Path:
+    folder = within / name
+    folder.mkdir()
+    return folder
 
 
 def find_model(features: Path, search: Search, scratch: Path, progress: Share = untold) -> Path:
