@@ -92,7 +92,8 @@ def modules_of(parts: set[str], without: set[str] = frozenset()) -> list[str]:
 
 def test_every_module_has_its_floor():
     assert (
-        modules_of(set(IMPORTS) - {""}, BASE | GROUND | STAGES | PLANNING | {"steps", "cli"}) == []
+        modules_of(set(IMPORTS) - {""}, BASE | GROUND | STAGES | PLANNING | {"steps", "cli", "api"})
+        == []
     )
 
 
@@ -116,6 +117,16 @@ def test_what_the_snakefile_reads_imports_no_step(name):
 @pytest.mark.parametrize("name", modules_of({"cli"}))
 def test_the_command_imports_no_step(name):
     assert strays(name, BASE | STAGES | PLANNING | {"cli"}) == []
+
+
+def test_the_python_api_imports_no_step_and_no_command():
+    assert strays("api", BASE | STAGES | PLANNING) == []
+
+
+def test_nothing_imports_the_python_api():
+    """It would make all of the package a part of every step's code."""
+    targets = set().union(*IMPORTS.values())
+    assert not [target for target in targets if within(target, {"silmesh.api"})]
 
 
 def test_nothing_imports_snakemake():
