@@ -7,13 +7,16 @@ from shlex import quote
 
 from snakemake.utils import min_version
 
-from silmesh.config import NAME, SoftRasFit
 from silmesh.errors import InputError
 from silmesh.lock import BusyError, begin_run, end_with_parent
 from silmesh.places import try_places
-from silmesh.plan import TRAINED, WEIGHTS, Plan
+from silmesh.plan import Plan
 from silmesh.provenance import code_digest as digest_code
 from silmesh.provenance import file_digest, read_digest
+from silmesh.settings.cameras import Features, Matches, Reconstruction
+from silmesh.settings.fit import SoftRasFit
+from silmesh.settings.silhouettes import WEIGHTS
+from silmesh.settings.train import TRAINED
 from silmesh.synthetic.layout import is_promised, photograph_names, promised_files
 from silmesh.warm import start
 from silmesh.yamls import read_configuration
@@ -94,20 +97,7 @@ onerror:
 
 
 wildcard_constraints:
-    object=NAME,
-    variant=NAME,
-    views=r"\d+-(pad|stretch)",
-    cameras=r"turntable|file_\w+",
-    calibration="calibrate(_anywhere)?",
-    source="[a-z]+(_[0-9a-f]{8})?",
-    scene=r"\d+-[a-z]+-\w+-\w+",
-    features=r"\d+-\d+",
-    matches=r"\d+-\d+-(exhaustive|sequential)-\d+",
-    mapping="incremental|global",
-    masks="masked|fallback",
-    digest="[0-9a-f]{8}",
-    judged=r"\d+-[a-z]+-\w+-\w+-[a-z]+-\d+",
-    model=r"[a-z-]+",
+    **plan.constraints(),
 
 
 include: "workflow/rules/common.smk"

@@ -14,16 +14,15 @@ import torch
 import trimesh
 
 from silmesh.cameras.camera import Cameras
-from silmesh.config import FastFit, SoftRasFit
 from silmesh.evaluation import silhouette_iou, summarise_iou
 from silmesh.fitting import softras
-from silmesh.fitting.fast import Fast, Settings
+from silmesh.fitting.fast import Fast
 from silmesh.fitting.loop import Procedure, run
 from silmesh.hull import carve
 from silmesh.meshes import to_tensors
-from silmesh.plan import SOFTNESS
 from silmesh.remesh import even_length, remesh
 from silmesh.scene import SILHOUETTES, read_scene
+from silmesh.settings.fit import FastFit, FastWeights, SoftRasFit
 from silmesh.shapes.sphere import unit_sphere
 from silmesh.silhouettes import read_silhouettes
 from silmesh.views import held_out
@@ -36,18 +35,10 @@ PARTS = {
     "all views in a step": {"batch": 0},
     "edges as they come": {"remesh": False},
     "parts inside out": {"untangle": False},
-    "no smoothness terms": {"laplacian": 0.0, "flatten": 0.0},
+    "no smoothness terms": {"weights": FastWeights(laplacian=0, flatten=0)},
 }
 LEVEL = 0.13  # the IoU loss at which the report's procedure ends on its moisturiser
 THIN = 15.0  # degrees
-
-
-def default_settings(fit: FastFit | SoftRasFit, kind: type, size: int) -> dict:
-    """The numbers of a preset."""
-    told = {name: getattr(fit, name, None) for name in kind.__dataclass_fields__}
-    if told["sigma"] == "auto":
-        told["sigma"] = (2 * SOFTNESS / size) ** 2
-    return told | fit.weights.model_dump()
 
 
 def make_first(shape: str, cameras: Cameras, seen: np.ndarray, verts: int) -> trimesh.Trimesh:
@@ -61,7 +52,11 @@ def make_first(shape: str, cameras: Cameras, seen: np.ndarray, verts: int) -> tr
 
 
 def measure(
-    procedure: type[Procedure], first: trimesh.Trimesh, scene: tuple, told: object, out: list[int]
+    procedure: type[Procedure],
+    first: trimesh.Trimesh,
+    scene: tuple,
+    told: FastFit | SoftRasFit,
+    out: list[int],
 ) -> dict:
     """One fit: how good, how long."""
     cameras, seen = scene
@@ -72,7 +67,7 @@ def measure(
     records = run(fit)
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     refined = fit.correct(cameras, kept)
-    iou = silhouette_iou(fit.verts, fit.faces, refined, seen, told.sigma)
+    iou = silhouette_iou(fit.verts, fit.faces, refined, seen, told.sigma_at(seen.shape[1]))
     mesh = trimesh.Trimesh(fit.verts.numpy(), fit.faces.numpy(), process=False)
     angles = np.degrees(mesh.face_angles).min(axis=1)
     return summarise_iou(iou, out) | {
@@ -102,16 +97,13 @@ def main() -> None:
     out = held_out(len(cameras), given.holdout)
     kept = sorted(set(range(len(cameras))) - set(out))
     first = make_first(given.shape, cameras.select(kept), seen[kept], given.vertices)
-    told = default_settings(FastFit(), Settings, seen.shape[1])
     rows = {
-        name: measure(Fast, first, (cameras, seen), Settings(**told | part), out)
+        name: measure(Fast, first, (cameras, seen), FastFit(**part), out)
         for name, part in PARTS.items()
     }
     if given.softras:
-        told = default_settings(SoftRasFit(), softras.Settings, seen.shape[1])
-        kind = softras.Settings(**told)
         sphere = unit_sphere(given.vertices)
-        rows["softras"] = measure(softras.SoftRas, sphere, (cameras, seen), kind, out)
+        rows["softras"] = measure(softras.SoftRas, sphere, (cameras, seen), SoftRasFit(), out)
     print(json.dumps(rows, indent=1))
 
 

@@ -21,6 +21,7 @@ from silmesh.cameras.attempt import read_attempt
 from silmesh.cameras.camera import Cameras, read_cameras
 from silmesh.cameras.upright import azimuths
 from silmesh.scene import read_scene
+from silmesh.settings.cameras import Colmap, Matches, Reconstruction
 from silmesh.steps import (
     calibrate,
     colmap,
@@ -60,8 +61,8 @@ def find(folder: Path, images: Path, masks: Path, given: argparse.Namespace) -> 
 
     files, threads = sorted(images.iterdir()), given.threads
     pictures = {"views": folder / "views", "silhouettes": folder / "silhouettes"}
-    how = {"matching": given.matching, "seed": given.seed}
-    step(views, "views", "views", images=files, size=given.size, resize="pad")
+    told = {"matching": given.matching, "mapping": given.mapping, "seed": given.seed}
+    step(views, "views", "views", images=files, settings=json.dumps({"size": given.size}))
     step(
         silhouettes,
         "silhouettes",
@@ -71,14 +72,20 @@ def find(folder: Path, images: Path, masks: Path, given: argparse.Namespace) -> 
         masks=sorted(masks.iterdir()),
     )
     step(colmap_features, "features", "features", images=files, threads=threads)
-    step(colmap_matches, "matches", "matches", features=folder / "features", threads=threads, **how)
+    step(
+        colmap_matches,
+        "matches",
+        "matches",
+        features=folder / "features",
+        threads=threads,
+        settings=Colmap(**told).part(Matches).model_dump_json(),
+    )
     step(
         colmap_map,
         "map",
         "model",
         matches=folder / "matches",
-        mapping=given.mapping,
-        seed=given.seed,
+        settings=Colmap(**told).part(Reconstruction).model_dump_json(),
     )
     step(colmap, "judge", "colmap", model=folder / "model", threads=threads, **pictures)
     step(
@@ -86,9 +93,8 @@ def find(folder: Path, images: Path, masks: Path, given: argparse.Namespace) -> 
         "masked",
         "masked",
         features=folder / "features",
-        mapping=given.mapping,
         threads=threads,
-        **how,
+        settings=json.dumps(told),
         **pictures,
         **({} if given.always_masked else {"unmasked": folder / "colmap"}),
     )

@@ -21,13 +21,14 @@ from PIL import Image
 from torch import nn
 
 from silmesh.datasets import read_datasets
-from silmesh.silhouettes.deeplab import Settings, find_all, find_classes
+from silmesh.settings.silhouettes import DeepLab
+from silmesh.settings.train import Train
+from silmesh.silhouettes.deeplab import find_all, find_classes
 from silmesh.silhouettes.network import MEAN, STD, Weights, build_network
 from silmesh.training.backgrounds import find_backgrounds, read_backgrounds, split
 from silmesh.training.composite import compose_upright
 from silmesh.training.cutouts import read_cutout
 from silmesh.training.depthwise import AtrousDepthwise
-from silmesh.training.loop import Settings as TrainingSettings
 from silmesh.training.loop import Training, normalise
 from silmesh.views import write_views
 
@@ -79,7 +80,8 @@ def measure_speed(model: str, size: int, views: int = 12) -> dict:
 def measure_training(size: int, batch: int = 8, steps: int = 4) -> dict:
     """Processor time a composite of a step, without making it: ours, and by torch's own layers."""
     torch.set_num_threads(1)
-    training = Training(TrainingSettings(MODEL, 1, 1, batch, size, 1e-3, 0), None)
+    told = {"epochs": 1, "patience": 1, "batch": batch, "size": size, "learning_rate": 1e-3}
+    training = Training(Train(holdout=["none"], model=MODEL, **told), None)
     images = normalise(torch.rand(batch, 3, size, size))
     truth = torch.randint(2, (batch, size, size))
     training.network.train()
@@ -110,7 +112,7 @@ def draw_photographs(folder: Path, count: int, size: tuple[int, int], ending: st
 def measure_quality(given: argparse.Namespace, size: int) -> dict:
     """Mean and worst IoU of each object before backgrounds that were not trained on."""
     backgrounds = split(read_backgrounds(find_backgrounds("shipped")))[1]
-    settings = Settings(given.model, str(given.weights), "any", size)
+    settings = DeepLab(model=given.model, weights=str(given.weights), size=size)
     report = {}
     for number, dataset in enumerate(read_datasets(given.tests)):
         with TemporaryDirectory() as folder:

@@ -21,11 +21,13 @@ from silmesh.cameras.camera import Cameras
 from silmesh.comparison import compare_to_truth
 from silmesh.errors import InputError
 from silmesh.fitting.loop import run
-from silmesh.fitting.softras import Settings, SoftRas
+from silmesh.fitting.softras import SoftRas
 from silmesh.meshes import read_mesh, to_tensors
 from silmesh.report.pictures import camera_of, draw_edges, frame, shade, trace
 from silmesh.scene import SILHOUETTES, VIEWS, read_scene
-from silmesh.shapes.first import PLACED, Init, first_mesh
+from silmesh.settings.fit import SoftRasFit
+from silmesh.settings.init import Init
+from silmesh.shapes.first import PLACED, first_mesh
 from silmesh.shapes.looks import look_smaller, mean_iou, render
 from silmesh.silhouettes import read_silhouettes
 
@@ -33,7 +35,6 @@ SHAPES = {"sphere, not placed": ("sphere", "none"), "sphere": ("sphere", "bbox")
     shape: (shape, "bbox") for shape in PLACED
 }
 AT = (0, 50, 200, 1000)  # steps at which the loss is told
-SOFTRAS = Settings(max(AT) + 1, 0.01, (0.5, 0.99), 1e-4, 0.03, 0.0003)
 LATEST = 20  # steps whose median is told: Adam's steps make single losses leap
 CELL = 220  # pixels of a picture in the figure
 
@@ -47,7 +48,7 @@ def load(scene: Path) -> tuple[np.ndarray, Cameras]:
 def measure(scene: Path, truth: Path | None, shape: str, given: argparse.Namespace) -> dict:
     """One first mesh: what it is, its 3D numbers, and its fit's losses."""
     silhouettes, cameras = load(scene)
-    init = Init(SHAPES[shape][0], given.vertices, SHAPES[shape][1])
+    init = Init(shape=SHAPES[shape][0], vertices=given.vertices, align=SHAPES[shape][1])
     start = time.process_time()
     first = first_mesh(init, silhouettes, cameras)
     seconds = time.process_time() - start
@@ -65,7 +66,7 @@ def measure(scene: Path, truth: Path | None, shape: str, given: argparse.Namespa
     }
     if truth:
         result["truth"] = compare_to_truth(world, read_mesh(truth))
-    settings = Settings(given.steps + 1, *[getattr(SOFTRAS, n) for n in list(vars(SOFTRAS))[1:]])
+    settings = SoftRasFit(iterations=given.steps + 1)
     target = torch.tensor(small, dtype=torch.float32)
     try:
         records = run(SoftRas(*to_tensors(first.mesh), eyes, target, settings))
@@ -144,7 +145,8 @@ def draw_figure(scenes: dict[str, Path], vertices: int) -> Figure:
         row[0].imshow(draw_photograph(scene, view))
         row[0].set_ylabel(name)
         for axes, shape in zip(row[1:], shapes, strict=True):
-            mesh = first_mesh(Init(*SHAPES[shape][:1], vertices), silhouettes, cameras).mesh
+            init = Init(shape=SHAPES[shape][0], vertices=vertices)
+            mesh = first_mesh(init, silhouettes, cameras).mesh
             mesh.apply_scale(0.5)
             axes.imshow(draw_first(mesh, scene, view))
         for axes in row:

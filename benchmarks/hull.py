@@ -14,7 +14,8 @@ import torch
 
 from silmesh.hull import carve
 from silmesh.scene import SILHOUETTES, read_scene
-from silmesh.shapes.first import Init, first_mesh
+from silmesh.settings.init import Init
+from silmesh.shapes.first import first_mesh
 from silmesh.shapes.looks import mean_iou, render
 from silmesh.silhouettes import read_silhouettes
 
@@ -46,7 +47,7 @@ def main() -> None:
             "cpu_seconds": statistics.median(cpu),
         }
     start = time.perf_counter()
-    mesh = first_mesh(Init("hull", given.vertices), silhouettes, cameras).mesh
+    mesh = first_mesh(Init(shape="hull", vertices=given.vertices), silhouettes, cameras).mesh
     result["first_mesh_seconds"] = time.perf_counter() - start
     mesh.apply_scale(0.5)
     result["iou"] = mean_iou(render(mesh, cameras, silhouettes.shape[1:]), silhouettes)

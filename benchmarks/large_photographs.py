@@ -21,6 +21,7 @@ import numpy as np
 import torch
 from PIL import Image
 
+from silmesh.settings.silhouettes import DeepLab, Matting
 from silmesh.silhouettes import SOURCES, deeplab, matting
 from silmesh.silhouettes.network import MEAN, STD, Weights, build_network, write_weights
 from silmesh.views import View, find_images, write_views
@@ -89,13 +90,13 @@ def look(folder: Path, method: str) -> dict[str, float]:
 def find_each(method: str, views: list[View], folder: Path) -> Iterator[np.ndarray]:
     """The silhouette of each view in turn."""
     if method == "matting":
-        yield from matting.find_all(views, matting.Settings("isnet", 2))
+        yield from matting.find_all(views, Matting(), 2)
     elif method == "deeplab":
         state = build_network(MODEL, 21).state_dict()
         names = tuple(map(str, range(21)))
         write_weights(folder / "random.pt", Weights(MODEL, names, MEAN, STD, 520, state))
         yield from deeplab.find_all(
-            views, deeplab.Settings(MODEL, str(folder / "random.pt"), "any", 256)
+            views, DeepLab(model=MODEL, weights=str(folder / "random.pt"), size=256)
         )
     else:
         for view in views:

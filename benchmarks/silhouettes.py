@@ -20,8 +20,9 @@ from scipy.linalg import rq
 
 from silmesh.cameras.camera import Cameras, write_cameras
 from silmesh.naming import match_masks
+from silmesh.settings.silhouettes import Matting
 from silmesh.silhouettes import encode, read_silhouettes, write_silhouettes
-from silmesh.silhouettes.matting import Settings, find_alphas
+from silmesh.silhouettes.matting import find_alphas
 from silmesh.steps import cameras, judge, scene
 from silmesh.views import View, find_images, write_views
 
@@ -41,7 +42,7 @@ def find(views: list[View], method: str, work: Path) -> Path:
     (work / "alpha").mkdir(exist_ok=True)
     (work / method).mkdir(exist_ok=True)
     lacking = [view for view in views if not (work / "alpha" / f"{view.view}.png").is_file()]
-    for view, alpha in zip(lacking, find_alphas(lacking, Settings("isnet", 2)), strict=False):
+    for view, alpha in zip(lacking, find_alphas(lacking, Matting(), 2), strict=False):
         alpha.save(work / "alpha" / f"{view.view}.png")
     for view in views:
         with Image.open(work / "alpha" / f"{view.view}.png") as alpha:
@@ -73,7 +74,7 @@ def repaired(views: list[View], found: Path, data: Path, work: Path) -> tuple[np
     named = ["--silhouettes", str(found), "--cameras", str(work / "cameras")]
     scene.main([*shown, *named, "--output", str(work / "scene")])
     output = ["--output", str(work / "judged")]
-    judge.main(["--scene", str(work / "scene"), "--policy", "repair", *output])
+    judge.main(["--scene", str(work / "scene"), "--settings", '{"policy": "repair"}', *output])
     told = json.loads((work / "judged" / "scene.json").read_text())
     fitted = [view.view for view in views if view.view not in told["dropped"]]
     return read_silhouettes(work / "judged" / "silhouettes", fitted), told

@@ -15,20 +15,20 @@ from pathlib import Path
 import numpy as np
 import torch
 import trimesh
-from ablation import default_settings
 
 from silmesh.cameras.camera import Cameras
 from silmesh.cameras.turntable import orbit_cameras
 from silmesh.comparison import compare_to_truth
-from silmesh.config import FastFit
 from silmesh.evaluation import silhouette_iou
-from silmesh.fitting.fast import Fast, Settings
+from silmesh.fitting.fast import Fast
 from silmesh.fitting.loop import run
 from silmesh.hull import carve
 from silmesh.meshes import to_tensors
 from silmesh.quality import measure_quality
 from silmesh.report.pictures import camera_of, trace
-from silmesh.shapes.first import Init, first_mesh
+from silmesh.settings.fit import FastFit
+from silmesh.settings.init import Init
+from silmesh.shapes.first import first_mesh
 from silmesh.synthetic.layout import OBJECTS
 from silmesh.synthetic.make import make_object
 from silmesh.synthetic.scenery import read_scan, stand_upright
@@ -63,16 +63,16 @@ def cast(mesh: trimesh.Trimesh, cameras: Cameras) -> np.ndarray:
 
 def fit(seen: np.ndarray, cameras: Cameras, size: int) -> tuple[trimesh.Trimesh, dict]:
     """The preset with its defaults, from the hull."""
-    told = default_settings(FastFit(), Settings, size)
+    told = FastFit()
     start = time.perf_counter()
-    first = first_mesh(Init("hull"), seen, cameras).mesh
+    first = first_mesh(Init(shape="hull"), seen, cameras).mesh
     made = time.perf_counter()
     silhouettes = torch.tensor(seen, dtype=torch.float32)
-    procedure = Fast(*to_tensors(first), cameras, silhouettes, Settings(**told))
+    procedure = Fast(*to_tensors(first), cameras, silhouettes, told)
     steps = len(run(procedure))
     mesh = trimesh.Trimesh(procedure.verts.numpy(), procedure.faces.numpy(), process=False)
     refined = procedure.correct(cameras, list(range(len(cameras))))
-    iou = silhouette_iou(procedure.verts, procedure.faces, refined, seen, told["sigma"])
+    iou = silhouette_iou(procedure.verts, procedure.faces, refined, seen, told.sigma_at(size))
     figures = {"first_seconds": made - start, "fit_seconds": time.perf_counter() - made}
     return mesh, {"steps": steps, "iou": float(iou.mean()), **figures, **measure_quality(mesh)}
 

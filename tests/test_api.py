@@ -86,7 +86,7 @@ def test_every_name_says_what_it_takes(name):
         ({"photographs": "nowhere"}, "nowhere: is not there"),
         ({"photographs": []}, "photographs: none are named"),
         ({"settings": {"fitting": {}}}, "'fitting' is no section; known are views"),
-        ({"size": 3}, "views.size: should be a whole number from 16"),
+        ({"size": 3}, "views: size: should be a whole number from 16"),
         ({"masks": "m", "silhouettes": "threshold"}, "'threshold' take no masks"),
         ({"silhouettes": "mask"}, "masks: none are given"),
         ({"cameras": "turntable", "silhouettes": "threshold", "size": 16}, "lacks a number"),

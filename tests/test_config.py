@@ -5,8 +5,9 @@ from pathlib import Path
 import pytest
 import yaml
 
-from silmesh.config import Views, parse_config
+from silmesh.config import parse_config
 from silmesh.errors import InputError
+from silmesh.settings.views import Views
 
 
 def parse(text: str):
@@ -33,7 +34,7 @@ def test_defaults():
     assert (fit.weights.laplacian, fit.weights.flatten) == (0.1, 0.00005)
     assert (init.shape, init.vertices, init.align) == ("sphere", "auto", "bbox")
     assert config.variants["a"].silhouettes is None
-    assert config.variants["a"].views.size is None
+    assert config.variants["a"].views == config.views
 
 
 def test_the_designs_example_is_right():
@@ -66,6 +67,25 @@ def test_the_designs_example_is_right():
 )
 def test_an_empty_section_stands_for_all_defaults(text):
     assert parse(text) == parse("datasets: t\nvariants: {a: {}}")
+
+
+def test_a_variants_section_is_laid_over_the_runs():
+    config = parse(
+        "datasets: t\nviews: {size: 64}\ncolmap: {seed: 3}\n"
+        "variants: {7: {views: {resize: stretch}, colmap: {masks: none, features: }}, b: }"
+    )
+    a, b = config.variants["7"], config.variants["b"]
+    assert a.views == Views(size=64, resize="stretch")
+    assert (a.colmap.seed, a.colmap.masks, a.colmap.features) == (3, "none", 4096)
+    assert (b.views, b.colmap) == (config.views, config.colmap)
+
+
+def test_a_wrong_value_of_the_run_is_told_once():
+    assert refusal("datasets: t\nviews: {size: 8}\nvariants: {7: {views: {resize: pad}}, b: }") == (
+        "my.yaml: views.size: should be a whole number from 16 to 4,096, not 8"
+    )
+    both = refusal("datasets: t\nviews: {size: 8}\nvariants: {7: {views: {size: 9}}}")
+    assert both.splitlines()[1].startswith("my.yaml: variants.7.views.size: should be ")
 
 
 def test_a_variant_may_be_named_by_a_number():

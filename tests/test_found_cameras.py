@@ -39,6 +39,7 @@ def call(module, **options):
     """``main`` with options by their names; a list becomes several values."""
     argv = []
     for name, value in options.items():
+        value = json.dumps(value) if isinstance(value, dict) else value
         values = value if isinstance(value, list) else [value]
         argv += [f"--{name.replace('_', '-')}", *map(str, values)]
     module.main(argv)
@@ -53,18 +54,17 @@ def find(mesh, paint, surroundings, count, size, out):
         images.append(save(out / "images" / f"{view}.png", image))
         masks.append(save(out / "masks" / f"{view}.png", mask))
     seen = {"views": out / "views", "silhouettes": out / "silhouettes"}
-    call(views, images=images, size=128, resize="pad", output=out / "views")
+    call(views, images=images, settings={"size": 128}, output=out / "views")
     call(silhouettes, views=out / "views", source="mask", masks=masks, output=out / "silhouettes")
     call(colmap_features, images=images, threads=2, output=out / "features")
-    how = {"matching": "exhaustive", "threads": 2}
+    how = {"settings": {"matching": "exhaustive"}, "threads": 2}
     call(colmap_matches, features=out / "features", **how, output=out / "matches")
-    call(colmap_map, matches=out / "matches", mapping="incremental", output=out / "model")
+    call(colmap_map, matches=out / "matches", output=out / "model")
     call(colmap, model=out / "model", **seen, output=out / "colmap")
     call(
         colmap_masked,
         features=out / "features",
         unmasked=out / "colmap",
-        mapping="incremental",
         **how,
         **seen,
         output=out / "masked",

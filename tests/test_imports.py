@@ -4,7 +4,7 @@
     steps                                             what a rule calls
     views  silhouettes  cameras  scene  shapes ...    stages, which do not stand on each other
     cameras.camera  cameras.lens  straighten  softras  hull  remesh  the ground floor
-    errors  files  naming  reading                    what anything may import
+    errors  files  naming  reading  settings          what anything may import
 
 The Snakefile's modules (configuration, table, plan, digests) stand beside: no stage imports them.
 """
@@ -15,7 +15,7 @@ import pytest
 
 from silmesh.provenance import SOURCE
 
-BASE = {"errors", "files", "naming", "progress", "reading"}
+BASE = {"errors", "files", "naming", "progress", "reading", "settings"}
 GROUND = {"cameras.camera", "cameras.lens", "softras", "hull", "remesh", "straighten", "series"}
 ON = {  # what a module of it stands on
     "cameras.camera": {"cameras.lens"},
@@ -133,3 +133,8 @@ def test_nothing_imports_snakemake():
     assert [
         n for n, targets in IMPORTS.items() if any(within(t, {"snakemake"}) for t in targets)
     ] == []
+
+
+@pytest.mark.parametrize("name", modules_of({"settings"}))
+def test_settings_stand_on_nothing_but_errors(name):
+    assert strays(name, {"errors", "settings"}) == []

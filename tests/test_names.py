@@ -2,7 +2,8 @@
 
 from typing import get_args, get_type_hints
 
-from silmesh.config import FOREGROUND_MODELS, Init, SilhouetteSource
+from silmesh.settings.init import Init
+from silmesh.settings.silhouettes import FOREGROUND_MODELS, SilhouetteSource
 from silmesh.shapes.first import SHAPES
 from silmesh.silhouettes import NETWORKS, SOURCES, weights
 from silmesh.synthetic import layout, make

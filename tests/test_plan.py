@@ -118,7 +118,7 @@ def test_found_cameras_are_named_by_their_silhouettes_too(plan):
     assert b.cameras_keys == ("256-pad-alpha-calibrate",)
     assert (a.scene_key, a.keeps_world) == ("256-pad-mask-calibrate", False)
     assert (a.turntable.elevation, a.turntable.step) == (0, 5)
-    assert found.with_cameras("cup", b.cameras_keys[0]) == b
+    assert found.with_key("cup", "cameras", b.cameras_keys[0]) == b
 
 
 def test_cameras_that_may_look_up_have_a_name_of_their_own(plan):
@@ -126,10 +126,10 @@ def test_cameras_that_may_look_up_have_a_name_of_their_own(plan):
         "a: {cameras: calibrate}, b: {cameras: calibrate, calibrate: {above_table: false}}"
     )
     a, b = found.runs
-    assert (a.above_table, b.above_table) == (True, False)
+    assert (a.settings.calibrate.above_table, b.settings.calibrate.above_table) == (True, False)
     assert b.cameras_keys == ("256-pad-mask-calibrate_anywhere",)
     assert a.scene_key != b.scene_key == "256-pad-mask-calibrate_anywhere"
-    assert found.with_cameras("cup", b.cameras_keys[0]) == b
+    assert found.with_key("cup", "cameras", b.cameras_keys[0]) == b
 
 
 def test_colmaps_attempts_share_the_stages_that_they_agree_on(plan):
@@ -153,7 +153,11 @@ def test_colmaps_attempts_share_the_stages_that_they_agree_on(plan):
 
 def test_the_runs_colmap_section_is_overridden_in_part(plan):
     a, b = plan("a: {cameras: colmap}, b: {cameras: colmap, colmap: {seed: 3}}").runs
-    assert (a.colmap.seed, b.colmap.seed, b.colmap.features) == (0, 3, 4096)
+    assert (a.settings.colmap.seed, b.settings.colmap.seed, b.settings.colmap.features) == (
+        0,
+        3,
+        4096,
+    )
 
 
 def test_a_networks_settings_name_its_silhouettes(plan):
@@ -201,7 +205,7 @@ def test_two_camera_files_have_two_names(plan):
     a, b = found.runs
     assert a.cameras_keys != b.cameras_keys
     assert (a.keeps_world, b.keeps_world) == (True, False)
-    assert found.with_cameras("cup", b.cameras_keys[0]) == b
+    assert found.with_key("cup", "cameras", b.cameras_keys[0]) == b
 
 
 def test_a_row_names_its_variants(plan):

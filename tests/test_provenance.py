@@ -112,6 +112,16 @@ def test_an_import_within_a_function_counts(digest):
     assert digest({"step.py": late, "late.py": "LATE = 2\n"}) != before
 
 
+def test_fields_of_settings_do_not_count(digest):
+    """Their values are a parameter of the step's, which is told them."""
+    text = "class Views:\n    size: int = 1\n\n    def half(self):\n        return self.size / 2\n"
+    step = {"step.py": "from silmesh.settings.views import Views\n" + STEP}
+    before = digest(step | {"settings/views.py": text})
+    assert digest(step | {"settings/views.py": text.replace("= 1", "= 3")}) == before
+    assert digest(step | {"settings/views.py": text.replace("/ 2", "/ 3")}) != before
+    assert digest(step | {"views.py": text, "settings/views.py": text}) == before
+
+
 def test_a_cycle_of_imports_ends(digest):
     there_and_back = {"far.py": "import silmesh.step\nFAR = 1\n"}
     assert digest(there_and_back) != digest()

@@ -10,12 +10,14 @@ from silmesh.cameras.turntable import softras_cameras, turntable_cameras
 from silmesh.conventions import settle
 from silmesh.evaluation import coherence
 from silmesh.fitting.loop import run
-from silmesh.fitting.softras import Settings, SoftRas
+from silmesh.fitting.softras import SoftRas
 from silmesh.hull import carve
 from silmesh.meshes import to_tensors
 from silmesh.naming import match_masks
 from silmesh.scene import normalising
-from silmesh.shapes.first import Init, first_mesh
+from silmesh.settings.fit import SoftRasFit
+from silmesh.settings.init import Init
+from silmesh.shapes.first import first_mesh
 from silmesh.silhouettes import read_silhouettes, write_silhouettes
 from silmesh.views import find_images, write_views
 
@@ -24,8 +26,7 @@ PRESET = {
     "learning_rate": 0.01,
     "betas": (0.5, 0.99),
     "sigma": 1e-4,
-    "laplacian": 0.03,
-    "flatten": 0.0003,
+    "weights": {"laplacian": 0.03, "flatten": 0.0003},
 }
 
 
@@ -58,8 +59,10 @@ def losses(scene, vertices, align, iterations=1):
     """The IoU loss before each step."""
     cameras, seen = scene
     torch.set_num_threads(2)
-    first = to_tensors(first_mesh(Init("sphere", vertices, align), seen, cameras).mesh)
-    settings = Settings(iterations, **PRESET)
+    first = to_tensors(
+        first_mesh(Init(shape="sphere", vertices=vertices, align=align), seen, cameras).mesh
+    )
+    settings = SoftRasFit(iterations=iterations, **PRESET)
     records = run(SoftRas(*first, cameras, torch.tensor(seen, dtype=torch.float32), settings))
     return [record.iou_loss for record in records]
 

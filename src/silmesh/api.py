@@ -18,7 +18,7 @@ World   of a scene: normalised, y up, the object in the sphere of radius 0.5 abo
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -33,10 +33,8 @@ from silmesh.assemble import build_scene
 from silmesh.cameras.attempt import FILE, WORLD_TO_CAMERA, Attempt
 from silmesh.cameras.camera import Cameras
 from silmesh.cameras.locate import locate
-from silmesh.config import SoftRasFit, parse_config
 from silmesh.datasets import parse_turntable
 from silmesh.errors import InputError
-from silmesh.fitting import fast, softras
 from silmesh.fitting.fit import Fitted, fit_mesh
 from silmesh.fitting.loop import Record
 from silmesh.fitting.trial import trial_with
@@ -45,17 +43,31 @@ from silmesh.intake.sources import COHERENT, choose_cameras, choose_silhouettes,
 from silmesh.judging.judged import judge_scene
 from silmesh.meshes import read_mesh, write_coloured
 from silmesh.naming import match_masks
-from silmesh.plan import EXHAUSTIVE, POLICIES, SOFTNESS
 from silmesh.progress import Share, untold
 from silmesh.scene import Scene
-from silmesh.shapes.choose import ROUNDS
-from silmesh.shapes.first import First, Init, first_mesh
-from silmesh.silhouettes import NETWORKS, Found
+from silmesh.settings.cameras import Calibrate, Colmap
+from silmesh.settings.check import check
+from silmesh.settings.fit import Fit, SoftRasFit
+from silmesh.settings.init import Init
+from silmesh.settings.quality import Quality
+from silmesh.settings.silhouettes import FOREGROUND_MODELS, Networks
+from silmesh.settings.views import Views
+from silmesh.shapes.first import First, first_mesh
+from silmesh.silhouettes import Found
 from silmesh.silhouettes import find_silhouettes as find_each
 from silmesh.views import View, in_order, make_views, stack_pictures
 
 Paths = str | Path | Sequence[str | Path]
 CameraSource = str | Path | Cameras
+SECTIONS = {  # of the configuration
+    "views": Views,
+    **{name: field.annotation for name, field in Networks.model_fields.items()},
+    "calibrate": Calibrate,
+    "colmap": Colmap,
+    "quality": Quality,
+    "init": Init,
+    "fit": Fit,
+}
 SOURCES = ("turntable", "calibrate", "colmap", "auto")  # of cameras, beside files
 OWN = "the cameras given"  # what messages call cameras that come of no file
 HULL = "hull"  # the initial mesh, unless another is asked for
@@ -306,12 +318,11 @@ def initial_mesh(
     Raises:
         InputError: a setting is unknown or wrong
     """
-    chosen = _check("init", {"shape": shape, **settings})
     return first_mesh(
-        _to_init(chosen),
+        _check("init", {"shape": shape, **settings}),
         scene.silhouettes,
         scene.cameras,
-        trial_with(_trial_settings()),
+        trial_with(SoftRasFit()),
         progress,
         scene.told["frame"],
     )
@@ -350,9 +361,7 @@ def fit(
         watch(record)
 
     whole = mesh.mesh if isinstance(mesh, First) else mesh
-    return fit_mesh(
-        whole, scene, preset, _to_fit(chosen, scene), chosen.holdout, chosen.device, tell
-    )
+    return fit_mesh(whole, scene, chosen, tell)
 
 
 def evaluate(
@@ -380,8 +389,8 @@ def evaluate(
         fitted.cameras,
         scene,
         asdict(fitted.records[-1]),
-        fitted.sigma,
-        fitted.holdout,
+        fitted.settings.sigma_at(scene.silhouettes.shape[-1]),
+        fitted.settings.holdout,
         initial.told if initial else None,
         truth=known,
         align=estimated,
@@ -480,11 +489,24 @@ def _find_silhouettes(
         views,
         photographs.images,
         seen.masks,
-        _to_network(seen.source, settings),
+        _prepare(seen.source, settings),
         policy != "keep",
         lambda done: progress(done / len(views)),
+        torch.get_num_threads(),
     )
     return Silhouettes(found.silhouettes, found.spared, found.lost, seen.source, policy)
+
+
+def _prepare(source: str, settings: Mapping[str, Any]) -> Any:
+    """The settings of a network, whose weights are fetched if they can be; else none."""
+    if source not in Networks.model_fields:
+        return None
+    chosen = _check(source, settings)
+    if source == "matting" and chosen.model in FOREGROUND_MODELS:
+        from silmesh.silhouettes.weights import fetch_weights
+
+        fetch_weights(chosen.model)
+    return chosen
 
 
 @dataclass(frozen=True)
@@ -539,21 +561,15 @@ class _Search:
         )
 
     def _attempt_colmap(self) -> list[Attempt]:
-        from silmesh.motion import Detail, Search, attempt_colmap  # pycolmap, for those who want it
+        from silmesh.motion import attempt_colmap  # pycolmap, for those who want it
 
-        chosen = _check("colmap", self.colmap)
-        matching = chosen.matching
-        if matching == "auto":
-            few = len(self.photographs.files) <= EXHAUSTIVE
-            matching = "exhaustive" if few else "sequential"
         with TemporaryDirectory() as scratch:
             return attempt_colmap(
                 self.photographs.files,
                 self.photographs.views,
                 self.found.silhouettes,
-                Detail(chosen.max_size, chosen.features),
-                Search(matching, chosen.mapping, chosen.seed, torch.get_num_threads()),
-                chosen.masks,
+                _check("colmap", self.colmap),
+                torch.get_num_threads(),
                 Path(scratch),
                 self.progress,
             )
@@ -583,10 +599,6 @@ def _tell(progress: Callable[[str, float], None], stage: str) -> Share:
     return lambda share: progress(stage, share)
 
 
-SHARED = ("views", "calibrate", "colmap", "deeplab", "matting", "quality")
-SECTIONS = (*SHARED, "init", "fit")
-
-
 def _check_sections(settings: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
     """The sections of the configuration by their names, of which each is there."""
     for name in settings:
@@ -597,55 +609,10 @@ def _check_sections(settings: Mapping[str, Mapping[str, Any]]) -> dict[str, dict
 
 def _check(section: str, values: Mapping[str, Any]) -> Any:
     """A section of the configuration, its values checked and the others the defaults."""
-    whole: dict[str, Any] = {"datasets": "none", "variants": {"own": {}}}
-    if section in SHARED:
-        return getattr(parse_config(whole | {section: dict(values)}, "settings"), section)
-    whole["variants"]["own"][section] = dict(values)
-    return getattr(parse_config(whole, "settings").variants["own"], section)
+    return check(SECTIONS[section], dict(values), section)
 
 
 def _policy(source: str, quality: Mapping[str, Any]) -> tuple[str, int]:
     """What is done with doubtful silhouettes of a source, and how many must be left."""
     chosen = _check("quality", quality)
-    auto = chosen.policy == "auto"
-    return POLICIES.get(source, "repair") if auto else chosen.policy, chosen.fewest
-
-
-def _to_init(chosen: Any) -> Init:
-    vertices = None if chosen.vertices == "auto" else chosen.vertices
-    return Init(chosen.shape, vertices, chosen.align, chosen.genus)
-
-
-def _trial_settings() -> softras.Settings:
-    chosen = SoftRasFit(iterations=ROUNDS[-1][0] + 1)
-    return softras.Settings(**_flatten(chosen, softras.Settings))
-
-
-def _to_fit(chosen: Any, scene: Scene) -> softras.Settings | fast.Settings:
-    if chosen.sigma == "auto":
-        size = scene.silhouettes.shape[1]
-        chosen = chosen.model_copy(update={"sigma": (2 * SOFTNESS / size) ** 2})
-    kind = softras.Settings if chosen.preset == "softras" else fast.Settings
-    return kind(**_flatten(chosen, kind))
-
-
-def _flatten(chosen: Any, kind: Any) -> dict[str, Any]:
-    values = {**dict(chosen), **dict(chosen.weights)}
-    return {field.name: values[field.name] for field in fields(kind)}
-
-
-def _to_network(source: str, settings: Mapping[str, Any]) -> Any:
-    if source not in NETWORKS:
-        return None
-    values = _check(source, settings).model_dump()
-    if source == "matting":
-        from silmesh.silhouettes.matting import Settings
-        from silmesh.silhouettes.weights import MODELS, fetch_weights
-
-        if values["model"] in MODELS:
-            fetch_weights(values["model"])
-        return Settings(**values, threads=torch.get_num_threads())
-    from silmesh.silhouettes.deeplab import Settings
-
-    size = None if values["size"] == "auto" else values["size"]
-    return Settings(**values | {"size": size})
+    return chosen.policy_for(source), chosen.fewest

@@ -10,9 +10,10 @@ from pathlib import Path
 from typing import get_args
 
 from silmesh.cameras.locate import locate
-from silmesh.config import LONGEST_NAME, LONGEST_PATH, NAME, SilhouetteSource
 from silmesh.errors import InputError, blaming, shorten
 from silmesh.naming import match_masks, order_photographs, pair_masks, split_masks, tell_spare
+from silmesh.settings.section import LONGEST_NAME, LONGEST_PATH, NAME
+from silmesh.settings.silhouettes import SilhouetteSource
 from silmesh.synthetic import layout
 from silmesh.views import count_array_views, list_images, list_masks
 

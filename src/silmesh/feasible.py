@@ -32,7 +32,7 @@ def refuse_infeasible(run: "Run", where: str) -> None:
     Raises:
         InputError: it names the key, what there is, and what would be right
     """
-    _refuse_lacking_gpu(f"{where}: variants.{run.variant}.fit.device", run.fit.device)
+    _refuse_lacking_gpu(f"{where}: variants.{run.variant}.fit.device", run.settings.fit.device)
     _refuse_lacking_model(f"{where}: variants.{run.variant}", run.silhouettes)
     with blaming(f"{run.dataset.where} (variant {run.variant!r})"):
         _refuse_opaque(run.silhouettes, run.dataset.images)
@@ -80,7 +80,7 @@ def _refuse_few_views(run: "Run") -> None:
             "files; should be 'calibrate' or a file of cameras"
         )
     count = count_array_views(images[0]) if array and images[0].is_file() else len(images)
-    every = run.fit.holdout
+    every = run.settings.fit.holdout
     if every and count - count // every < FEWEST_FITTED:
         raise InputError(
             f"fit.holdout: {every} keeps {count // every} of {count} photographs out, which leaves "

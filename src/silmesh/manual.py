@@ -1,30 +1,42 @@
-"""The manual's page of every configuration key, from the schema in ``silmesh.config``."""
+"""The manual's page of every configuration key, from the models in ``silmesh.settings``."""
 
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from typing import Any, get_args, get_type_hints
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
-from silmesh.config import FITS, Config, Variant, in_words, is_section
+from silmesh.config import Config, Shared, Variant
+from silmesh.settings.check import in_words, is_section
+from silmesh.settings.fit import FITS
 
 HEADER = "| key | value | default | |\n|---|---|---|---|\n"
 
 
 def describe_configuration() -> str:
     """Tables in Markdown: the keys of a run, of a variant, and of a variant's fit by its preset."""
-    variant = [row for row in _rows(Variant) if not row.startswith("| `fit`")]
-    tables = {"The run": list(_rows(Config)), "A variant: `variants.<name>`": variant} | {
+    shared = set(Shared.model_fields)
+    run = [*_rows(Config, without=shared), *_rows(Shared)]
+    variant = [*_rows(Variant, without=shared | {"fit"}), *map(_overriding, Shared.model_fields)]
+    tables = {"The run": run, "A variant: `variants.<name>`": variant} | {
         f"A variant's fit with `preset: {preset}`": list(_rows(fit, "fit."))
         for preset, fit in FITS.items()
     }
     return "\n".join(f"## {title}\n\n{HEADER}{''.join(rows)}" for title, rows in tables.items())
 
 
-def _rows(model: type[BaseModel], path: str = "") -> Iterator[str]:
+def _overriding(name: str) -> str:
+    """The row of a section of which a variant may override keys."""
+    cells = (f"`{name}`", in_words(Shared.model_fields[name].annotation), "the run's")
+    return f"| {' | '.join(cells)} | keys that override the run's `{name}`, each by itself |\n"
+
+
+def _rows(model: type[BaseModel], path: str = "", without: Container[str] = ()) -> Iterator[str]:
     """A row for each key; what is a section gives the rows of its own keys instead."""
     schemas = get_type_hints(model, include_extras=True)
     for name, field in model.model_fields.items():
+        if name in without:
+            continue
         if section := _find_section(schemas[name]):
             yield from _rows(section, f"{path}{name}.")
         else:

@@ -4,7 +4,6 @@ COLMAP's stages live in folders (``cameras.stages``), since its database and its
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,44 +16,19 @@ from silmesh.cameras.mapping import map_views
 from silmesh.cameras.matching import match
 from silmesh.cameras.stages import DATABASE, MODEL, Report, make_stage, read_report
 from silmesh.progress import Share, untold, within
+from silmesh.settings.cameras import Colmap
 from silmesh.views import View
 
 SOURCE, MASKED = "colmap", "colmap, masked"
 MATCHED = 0.6  # share of the time, by which the photographs are matched
 
 
-@dataclass(frozen=True)
-class Search:
-    """How cameras are sought among features.
-
-    Attributes:
-        matching: ``exhaustive`` or ``sequential``
-        mapping: ``incremental`` or ``global``
-        seed: of random choices
-        threads: to use; the cameras do not depend on it
-    """
-
-    matching: str
-    mapping: str
-    seed: int = 0
-    threads: int = 1
-
-
-@dataclass(frozen=True)
-class Detail:
-    """How fine features are: of images of so many pixels, at most so many of each."""
-
-    max_size: int
-    features: int
-
-
 def attempt_colmap(
     images: Sequence[Path],
     views: Sequence[View],
     silhouettes: np.ndarray,
-    detail: Detail,
-    search: Search,
-    masks: str,
+    settings: Colmap,
+    threads: int,
     scratch: Path,
     progress: Share = untold,
 ) -> list[Attempt]:
@@ -64,26 +38,27 @@ def attempt_colmap(
         images: the photographs
         views: of these, all
         silhouettes: [views, size, size] bool, of all views
-        detail: of the features
-        masks: ``none``: of all features; ``silhouettes``: of those on the object; ``auto``: of all,
-            and where these come to nothing that is coherent, of those on the object
+        settings: of all stages; their ``masks`` say which attempts are made
+        threads: to use; the cameras do not depend on it
         scratch: an existing folder for the stages
     """
     features, found = scratch / "all", []
     make_stage(
         features,
         Report(),
-        lambda part, _: extract(
-            images, detail.max_size, detail.features, search.threads, part, progress
-        ),
+        lambda part, _: extract(images, settings, threads, part, progress),
     )
-    if masks != "silhouettes":
-        model = find_model(features, search, _folder(scratch, "unmasked"), progress)
+    if settings.masks != "silhouettes":
+        model = find_model(features, settings, threads, _folder(scratch, "unmasked"), progress)
         found.append(judge_model(SOURCE, model, views, silhouettes))
-    if masks != "none":
+    if settings.masks != "none":
         masked = _folder(scratch, "masked")
         before = found[0] if found else None
-        found.append(attempt_masked(features, views, silhouettes, search, masked, before, progress))
+        found.append(
+            attempt_masked(
+                features, views, silhouettes, settings, threads, masked, before, progress
+            )
+        )
     return found
 
 
@@ -93,11 +68,14 @@ def _folder(within: Path, name: str) -> Path:
     return folder
 
 
-def find_model(features: Path, search: Search, scratch: Path, progress: Share = untold) -> Path:
+def find_model(
+    features: Path, settings: Colmap, threads: int, scratch: Path, progress: Share = untold
+) -> Path:
     """Match the features of a stage and map them: the folder of the model's stage.
 
     Args:
         features: folder of their stage
+        settings: which pairs are matched, how they are mapped, and the seed
         scratch: an existing folder for the stages
     """
     matches, model = scratch / "matches", scratch / "model"
@@ -106,9 +84,8 @@ def find_model(features: Path, search: Search, scratch: Path, progress: Share = 
         read_report(features),
         lambda part, report: match(
             features / DATABASE,
-            search.matching,
-            search.seed,
-            search.threads,
+            settings,
+            threads,
             part,
             report,
             within(progress, 0, MATCHED),
@@ -119,8 +96,7 @@ def find_model(features: Path, search: Search, scratch: Path, progress: Share = 
         read_report(matches),
         lambda part, report: map_views(
             matches / DATABASE,
-            search.mapping,
-            search.seed,
+            settings,
             part,
             report,
             within(progress, MATCHED, 1),
@@ -151,7 +127,8 @@ def attempt_masked(
     features: Path,
     views: Sequence[View],
     silhouettes: np.ndarray,
-    search: Search,
+    settings: Colmap,
+    threads: int,
     scratch: Path,
     unmasked: Attempt | None = None,
     progress: Share = untold,
@@ -175,5 +152,5 @@ def attempt_masked(
         read_report(features),
         lambda part, report: keep_inside(features / DATABASE, views, silhouettes, part, report),
     )
-    model = find_model(inside, search, scratch, progress)
+    model = find_model(inside, settings, threads, scratch, progress)
     return judge_model(MASKED, model, views, silhouettes)

@@ -3,7 +3,8 @@
 from pathlib import Path
 
 from silmesh.files import try_inside
-from silmesh.plan import WEIGHTS, Plan
+from silmesh.plan import Plan
+from silmesh.settings.silhouettes import WEIGHTS
 from silmesh.silhouettes.weights import try_cache
 
 WRITTEN = ("results", "logs")
@@ -22,5 +23,5 @@ def try_places(plan: Plan, folder: Path = Path()) -> None:
         try_inside(folder / name)
     for run in plan.runs:
         if run.silhouettes == "matting":
-            try_cache(run.matting.model)
+            try_cache(run.settings.matting.model)
             try_inside(folder / WEIGHTS)

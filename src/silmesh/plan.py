@@ -19,25 +19,14 @@ This module is read by the Snakefile each time, so it imports nothing heavy.
 
 import re
 import zlib
-from collections.abc import Mapping
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from silmesh.cameras.locate import locate
-from silmesh.config import (
-    FOREGROUND_MODELS,
-    Colmap,
-    Config,
-    DeepLab,
-    Fit,
-    Init,
-    Matting,
-    Quality,
-    Variant,
-    Views,
-    parse_config,
-)
+from silmesh.config import Config, Variant, parse_config
 from silmesh.datasets import Dataset, Turntable, read_datasets, resolve_cameras
 from silmesh.errors import InputError
 from silmesh.feasible import (
@@ -47,6 +36,9 @@ from silmesh.feasible import (
     refuse_other_weights,
     refuse_unknown_weights,
 )
+from silmesh.settings.section import NAME, Section
+from silmesh.settings.silhouettes import FOREGROUND_MODELS, Networks, weights_file
+from silmesh.settings.train import NEW, TRAINED
 
 FOUND = ("calibrate", "colmap", "auto")  # sources that look at the silhouettes
 COLMAP = {  # the attempts of COLMAP's, by whether it masks
@@ -54,38 +46,76 @@ COLMAP = {  # the attempts of COLMAP's, by whether it masks
     "silhouettes": ("colmap_masked",),
     "auto": ("colmap", "colmap_fallback"),
 }
-EXHAUSTIVE = 60  # photographs, up to which every pair is matched unless told otherwise
-SOFTNESS = 0.03  # pixels: the root of sigma where it is `auto`
 TUNNELLED = {"prism", "hull", "auto"}  # first meshes that can have tunnels
-TRAINED = Path("results/train/weights.pt")  # what `bin/run train` makes
-WEIGHTS = Path("resources/weights")  # links to those that were fetched into the user's cache
-# What policy `auto` is, where it is not `repair`: what a person gave is left as it is, and a plain
-# background that a threshold does not find is rare enough to do without the view.
-POLICIES = {"mask": "keep", "alpha": "keep", "threshold": "drop"}
+FOLDERS = {  # of an object's stages
+    "views": "views",
+    "silhouettes": "silhouettes",
+    "features": "features",
+    "matches": "matches",
+    "model": "models",
+    "cameras": "cameras",
+    "scene": "scenes",
+    "judged": "judged",
+    "first": "first",
+}
+NEVER = "(?!)"  # matches nothing
 
 
 @dataclass(frozen=True)
 class Run:
-    """One object with one variant, everything decided."""
+    """One object with one variant, everything decided that names its stages.
+
+    Attributes:
+        settings: of all stages
+        silhouettes, cameras: where they come from
+        published: the variant whose published curve it repeats, if there is one
+    """
 
     dataset: Dataset
     variant: str
-    views: Views
+    settings: Variant
     silhouettes: str
     cameras: str
-    above_table: bool
-    colmap: Colmap
-    init: Init
-    fit: Fit
-    deeplab: DeepLab
-    matting: Matting
-    quality: Quality
-    published: str  # the variant whose published curve it repeats, if there is one
+    published: str
+
+    def keys(self, stage: str) -> tuple[str, ...]:
+        """What a stage, one of ``FOLDERS``, is called; of cameras there may be several attempts."""
+        return self.cameras_keys if stage == "cameras" else (getattr(self, f"{stage}_key"),)
+
+    def folders(self, stage: str) -> list[str]:
+        """Where a stage lies: each of its folders."""
+        stages = f"results/{self.dataset.object}/stages/{FOLDERS[stage]}"
+        return [f"{stages}/{key}" for key in self.keys(stage)]
+
+    def folder(self, stage: str) -> str:
+        """Where a stage lies that has one folder."""
+        (folder,) = self.folders(stage)
+        return folder
+
+    @property
+    def names(self) -> dict[str, Sequence[str]]:
+        """The values of the wildcards that keys are put together from in the rules."""
+        attempts = [key.removeprefix(f"{self.silhouettes_key}-") for key in self.cameras_keys]
+        masked = [name.split("_")[1] for name in attempts if name.count("_") == 2]
+        return {
+            "views": self.keys("views"),
+            "source": [self._silhouettes_name],
+            "cameras": [self._cameras_name] if self.cameras not in FOUND else [],
+            "calibration": [name for name in attempts if name == self._calibrate_name],
+            "features": self.keys("features"),
+            "matches": self.keys("matches"),
+            "model": self.keys("model"),
+            "masks": masked,
+            "digest": [_digest(self.model_key)],
+            "scene": self.keys("scene"),
+            "judged": self.keys("judged"),
+            "first": self.keys("first"),
+        }
 
     @property
     def views_key(self) -> str:
         """Names the working images."""
-        return f"{self.views.size}-{self.views.resize}"
+        return f"{self.settings.views.size}-{self.settings.views.resize}"
 
     @property
     def silhouettes_key(self) -> str:
@@ -102,7 +132,9 @@ class Run:
             return (f"{self.views_key}-{self._cameras_name}",)
         found = []
         if self.cameras in ("colmap", "auto"):
-            found += [f"{name}_{_digest(self.model_key)}" for name in COLMAP[self.colmap.masks]]
+            found += [
+                f"{name}_{_digest(self.model_key)}" for name in COLMAP[self.settings.colmap.masks]
+            ]
         if self.cameras in ("calibrate", "auto"):
             found += [self._calibrate_name]
         return tuple(f"{self.silhouettes_key}-{name}" for name in found)
@@ -110,24 +142,17 @@ class Run:
     @property
     def features_key(self) -> str:
         """Names the features of the photographs."""
-        return f"{self.colmap.max_size}-{self.colmap.features}"
+        return f"{self.settings.colmap.max_size}-{self.settings.colmap.features}"
 
     @property
     def matches_key(self) -> str:
         """Names the matches of the features."""
-        return f"{self.features_key}-{self.matching}-{self.colmap.seed}"
+        return f"{self.features_key}-{self.settings.colmap.matching}-{self.settings.colmap.seed}"
 
     @property
     def model_key(self) -> str:
         """Names the COLMAP model."""
-        return f"{self.matches_key}-{self.colmap.mapping}"
-
-    @property
-    def matching(self) -> str:
-        """Which pairs of photographs are matched."""
-        if self.colmap.matching != "auto":
-            return self.colmap.matching
-        return "exhaustive" if len(self.dataset.images) <= EXHAUSTIVE else "sequential"
+        return f"{self.matches_key}-{self.settings.colmap.mapping}"
 
     @property
     def scene_key(self) -> str:
@@ -137,7 +162,7 @@ class Run:
     @property
     def judged_key(self) -> str:
         """Names the scene after its doubtful views were dealt with."""
-        return f"{self.scene_key}-{self.policy}-{self.quality.fewest}"
+        return f"{self.scene_key}-{self.policy}-{self.settings.quality.fewest}"
 
     @property
     def first_key(self) -> str:
@@ -145,15 +170,14 @@ class Run:
 
         Only carved ones have tunnels to keep or to close.
         """
-        init = self.init
+        init = self.settings.init
         closed = "-closed" if init.genus == "sphere" and init.shape in TUNNELLED else ""
         return f"{self.judged_key}-{init.shape}-{init.vertices}-{init.align}{closed}"
 
     @property
     def policy(self) -> str:
         """What is done with doubtful views: ``keep``, ``drop`` or ``repair``."""
-        policy = self.quality.policy
-        return POLICIES.get(self.silhouettes, "repair") if policy == "auto" else policy
+        return self.settings.quality.policy
 
     @property
     def masks(self) -> tuple[Path, ...]:
@@ -161,15 +185,15 @@ class Run:
         return self.dataset.masks if self.silhouettes == "mask" else ()
 
     @property
+    def network(self) -> Section | None:
+        """The settings of the network that the silhouettes come from, if they do."""
+        known = self.silhouettes in Networks.model_fields
+        return getattr(self.settings, self.silhouettes) if known else None
+
+    @property
     def weights_file(self) -> Path | None:
         """The file of the network's weights, if the silhouettes come from one."""
-        if self.silhouettes == "deeplab":
-            return _weights_file(self.deeplab.weights)
-        if self.silhouettes != "matting":
-            return None
-        model = self.matting.model
-        known = model in FOREGROUND_MODELS
-        return WEIGHTS / f"{model}.onnx" if known else Path(model)
+        return self.network.weights_file if self.network else None
 
     @property
     def camera_file(self) -> Path | None:
@@ -204,19 +228,19 @@ class Run:
 
     @property
     def _calibrate_name(self) -> str:
-        return "calibrate" if self.above_table else "calibrate_anywhere"
+        return "calibrate" if self.settings.calibrate.above_table else "calibrate_anywhere"
 
     @property
     def _silhouettes_name(self) -> str:
-        settings = {"deeplab": self.deeplab, "matting": self.matting}.get(self.silhouettes)
-        if settings is None:
+        if self.network is None:
             return self.silhouettes
-        return f"{self.silhouettes}_{_digest(settings.model_dump_json())}"
+        return f"{self.silhouettes}_{_digest(self.network.model_dump_json())}"
 
     @property
     def _cameras_name(self) -> str:
         if self.cameras in ("colmap", "auto"):
-            key = f"{self.model_key}-{self.colmap.masks}-{self.above_table}"
+            above = self.settings.calibrate.above_table
+            key = f"{self.model_key}-{self.settings.colmap.masks}-{above}"
             return f"{self.cameras}_{_digest(key)}"
         if self.cameras == "calibrate":
             return self._calibrate_name
@@ -249,52 +273,58 @@ class Plan:
         for run in self.runs:
             refuse_infeasible(run, where)
         self.trained_on = _to_train_on(datasets, self.config, where)
+        self._having = _index(self.runs)
 
     def run(self, object_: str, variant: str) -> Run:
         """The run of an object with a variant."""
-        return self._first(object_, lambda run: run.variant == variant)
+        return self._find(object_, "variant", variant)[0]
 
     def of_object(self, object_: str) -> Dataset:
         """The row of an object."""
-        return self._first(object_, lambda run: True).dataset
+        return self._find(object_, "object", object_)[0].dataset
 
     def with_key(self, object_: str, stage: str, key: str) -> Run:
         """A run of this object whose stage (``views``, ``silhouettes``, ...) has this key."""
-        return self._first(object_, lambda run: getattr(run, f"{stage}_key") == key)
+        return self._find(object_, stage, key)[0]
 
-    def with_cameras(self, object_: str, key: str) -> Run:
-        """A run of this object of whose attempts at cameras one has this key."""
-        return self._first(object_, lambda run: key in run.cameras_keys)
+    def constraints(self) -> dict[str, str]:
+        """Regular expressions of the rules' wildcards: just what the runs' stages are called."""
+        names = defaultdict(set)
+        for run in self.runs:
+            for wildcard, values in run.names.items():
+                names[wildcard] |= set(values)
+        found = {name: "|".join(map(re.escape, sorted(v))) or NEVER for name, v in names.items()}
+        return found | {"object": NAME, "variant": NAME, "weights": "|".join(FOREGROUND_MODELS)}
 
     def spares(self, object_: str, key: str) -> bool:
         """Whether no run with these silhouettes needs every one of them."""
-        return all(run.policy != "keep" for run in self._having(object_, "silhouettes", key))
+        return all(run.policy != "keep" for run in self._find(object_, "silhouettes", key))
 
     def fewest_photographs(self, object_: str, key: str) -> int | None:
         """How many of the photographs of these views must be readable; None if all must."""
-        runs = self._having(object_, "views", key)
+        runs = self._find(object_, "views", key)
         if any(run.policy == "keep" for run in runs):
             return None
-        return min(run.quality.fewest for run in runs)
+        return min(run.settings.quality.fewest for run in runs)
 
-    def _having(self, object_: str, stage: str, key: str) -> list[Run]:
+    def _find(self, object_: str, stage: str, key: str) -> list[Run]:
         """The runs of an object whose stage has this key."""
-        return [
-            run
-            for run in self.runs
-            if (run.dataset.object, getattr(run, f"{stage}_key")) == (object_, key)
-        ]
-
-    def _first(self, object_: str, suits: Any) -> Run:
-        for run in self.runs:
-            if run.dataset.object == object_ and suits(run):
-                return run
+        if found := self._having.get((object_, stage, key)):
+            return found
         raise InputError(f"object {object_!r}: no variant of the configuration makes this")
 
 
-def _weights_file(weights: str) -> Path | None:
-    """The file that weights are read from; None if torchvision has them under this name."""
-    return None if re.fullmatch("[A-Z0-9_]+", weights) else Path(weights)
+def _index(runs: Sequence[Run]) -> Mapping[tuple[str, str, str], list[Run]]:
+    """The runs by object, stage and key; by ``variant`` and ``object`` as well."""
+    having = defaultdict(list)
+    for run in runs:
+        name = run.dataset.object
+        having[name, "object", name].append(run)
+        having[name, "variant", run.variant].append(run)
+        for stage in FOLDERS:
+            for key in run.keys(stage):
+                having[name, stage, key].append(run)
+    return dict(having)
 
 
 def _to_train_on(datasets: list[Dataset], config: Config, where: str) -> list[Dataset]:
@@ -331,9 +361,9 @@ def _refuse_lacking_curves(config: Config, where: str) -> None:
 
 def _refuse_lacking(key: str, weights: str, model: str, promised: bool) -> None:
     """Refuse weights that torchvision lacks, or a file that is not there nor made by this run."""
-    if weights == "none":
+    if weights == NEW:
         return
-    if (file := _weights_file(weights)) is None:
+    if (file := weights_file(weights)) is None:
         refuse_unknown_weights(key, weights, model)
         return
     if promised and file == TRAINED:
@@ -360,16 +390,6 @@ def _runs_of(dataset: Dataset, config: Config, where: str) -> list[Run]:
 
 def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where: str) -> Run:
     """An object's run with a variant: the variant's word, else the row's, else the run's."""
-    views, colmap, matting, quality, deeplab = (
-        whole.model_copy(update=part.model_dump(exclude_none=True))
-        for whole, part in (
-            (config.views, variant.views),
-            (config.colmap, variant.colmap),
-            (config.matting, variant.matting),
-            (config.quality, variant.quality),
-            (config.deeplab, variant.deeplab),
-        )
-    )
     cameras = dataset.cameras
     if variant.cameras:
         try:
@@ -378,8 +398,9 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
             raise InputError(f"{where}: variants.{name}.{error}") from error
     silhouettes = variant.silhouettes or dataset.silhouettes
     if silhouettes == "deeplab":
-        key = f"variants.{name}.deeplab.weights" if variant.deeplab.weights else "deeplab.weights"
-        promised = config.train is not None
+        deeplab, promised = variant.deeplab, config.train is not None
+        own = f"variants.{name}." * (deeplab.weights != config.deeplab.weights)
+        key = f"{own}deeplab.weights"
         _refuse_lacking(f"{where}: {key}", deeplab.weights, deeplab.model, promised)
     if silhouettes == "mask" and dataset.images[0].suffix == ".npy":
         raise InputError(
@@ -391,7 +412,7 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
             f"{dataset.where}: silhouettes are 'mask' (variant {name!r}), but masks is empty; "
             "should be a folder or a glob of mask files"
         )
-    model = matting.model
+    model = variant.matting.model
     if silhouettes == "matting" and model not in FOREGROUND_MODELS and not Path(model).is_file():
         raise InputError(
             f"{where}: matting.model (variant {name!r}): {model}: is not there; should be "
@@ -403,23 +424,12 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
             "or lacks a number; should be distance,elevation,step, for example 2.732,0,5; "
             "cameras 'calibrate' finds what is not known"
         )
-    above = variant.calibrate.above_table
-    above = config.calibrate.above_table if above is None else above
-    fit = variant.fit
-    if fit.sigma == "auto":
-        fit = fit.model_copy(update={"sigma": (2 * SOFTNESS / views.size) ** 2})
-    return Run(
-        dataset,
-        name,
-        views,
-        silhouettes,
-        cameras,
-        above,
-        colmap,
-        variant.init,
-        fit,
-        deeplab,
-        matting,
-        quality,
-        variant.published or name,
-    )
+    # The stage decides as well; a name says what it comes to.
+    matching = variant.colmap.pairing_of(len(dataset.images))
+    policy = variant.quality.policy_for(silhouettes)
+    decided = {
+        "colmap": variant.colmap.model_copy(update={"matching": matching}),
+        "quality": variant.quality.model_copy(update={"policy": policy}),
+    }
+    settings = variant.model_copy(update=decided)
+    return Run(dataset, name, settings, silhouettes, cameras, variant.published or name)

@@ -2,7 +2,8 @@
 
 The digest of its code is over the syntax trees of a module and of every module of this package that
 it imports, directly or not. It changes with the code, and not with comments, docstrings, layout,
-time stamps or where the checkout lies.
+time stamps or where the checkout lies. Nor does it change with the fields of ``silmesh.settings``:
+a step is told their values, which are a parameter of its own.
 
 The digest of what it reads of a person's files changes when one of them is replaced, be it by an
 older one.
@@ -20,6 +21,7 @@ from pathlib import Path
 PACKAGE = "silmesh"
 SOURCE = Path(__file__).parents[1]  # the folder that holds the package
 SMALL = 1_000_000  # bytes: files up to this size are compared by what is in them
+SETTINGS = f"{PACKAGE}.settings."  # the modules whose classes hold what a step is told
 DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 
 
@@ -110,6 +112,8 @@ def _read(module: str, file: Path) -> tuple[bytes, list[str]]:
     for node in ast.walk(tree):
         if isinstance(node, DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
             node.body = node.body[1:]
+        if isinstance(node, ast.ClassDef) and module.startswith(SETTINGS):
+            node.body = [part for part in node.body if not isinstance(part, ast.AnnAssign)]
         elif isinstance(node, ast.Import):
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):

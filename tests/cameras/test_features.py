@@ -11,6 +11,7 @@ from silmesh.cameras.features import extract, keep_inside
 from silmesh.cameras.stages import DATABASE, Report, make_stage, read_report
 from silmesh.errors import InputError
 from silmesh.files import MADE
+from silmesh.settings.cameras import Features
 from silmesh.views import place_view
 
 
@@ -22,8 +23,8 @@ def photographs(tmp_path):
 def features(paths, tmp_path, name="db", **options):
     folder = tmp_path / name
     folder.mkdir()
-    settings = {"max_size": 1600, "count": 500, "threads": 1} | options
-    report = extract(paths, folder=folder, **settings)
+    settings = Features(max_size=options.pop("max_size", 1600), features=options.pop("count", 500))
+    report = extract(paths, settings, folder=folder, **{"threads": 1} | options)
     return report, folder / DATABASE
 
 

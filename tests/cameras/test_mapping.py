@@ -11,6 +11,7 @@ from silmesh.cameras.mapping import map_views
 from silmesh.cameras.matching import match, pair_up
 from silmesh.cameras.stages import DATABASE, MODEL, Report
 from silmesh.errors import InputError
+from silmesh.settings.cameras import Features, Matches, Reconstruction
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +37,7 @@ def centres(model):
 @pytest.mark.parametrize("mapping", ["incremental", "global"])
 def test_the_cameras_are_found(made_up, tmp_path, mapping):
     told = []
-    report = map_views(made_up[0], mapping, 0, tmp_path, FOUND, told.append)
+    report = map_views(made_up[0], Reconstruction(mapping=mapping), tmp_path, FOUND, told.append)
     assert told == sorted(told)
     assert told[-1] == 1
     assert len(told) > 8 or mapping == "global"  # which tells of no view
@@ -54,7 +55,7 @@ def test_the_cameras_are_found(made_up, tmp_path, mapping):
 def test_mapping_again_gives_the_same_bytes(made_up, tmp_path, mapping):
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
-        map_views(made_up[0], mapping, 7, tmp_path / name, FOUND)
+        map_views(made_up[0], Reconstruction(mapping=mapping, seed=7), tmp_path / name, FOUND)
     files = sorted(path.name for path in (tmp_path / "a" / MODEL).iterdir())
     assert "images.bin" in files
     for file in files:
@@ -69,15 +70,15 @@ def test_matches_that_no_cameras_explain_are_refused(tmp_path):
         pycolmap.synthesize_dataset(options, database)
     (tmp_path / "out").mkdir()
     with pytest.raises(InputError, match="66 of 66 pairs of photographs have some, 100 in half"):
-        map_views(tmp_path / DATABASE, "incremental", 0, tmp_path / "out", FOUND)
+        map_views(tmp_path / DATABASE, Reconstruction(), tmp_path / "out", FOUND)
 
 
 def test_photographs_that_share_nothing_are_refused(tmp_path):
     unlike = [save(tmp_path / "photos" / f"{i}.png", blotches(i)) for i in range(4)]
-    report = extract(unlike, 1600, 500, 1, tmp_path)
+    report = extract(unlike, Features(features=500), 1, tmp_path)
     (tmp_path / "m").mkdir()
     with pytest.raises(InputError, match="no two photographs overlap: of 6 pairs none shares"):
-        match(tmp_path / DATABASE, "exhaustive", 0, 1, tmp_path / "m", report)
+        match(tmp_path / DATABASE, Matches(), 1, tmp_path / "m", report)
 
 
 def test_every_pair_or_neighbours_in_a_round():

@@ -21,9 +21,11 @@ from scenes import silhouettes, turntable
 from surroundings import look_around, surround
 
 from silmesh.cli.main import main
-from silmesh.config import FITS, Policy, SilhouetteSource
 from silmesh.naming import natural_key
 from silmesh.provenance import SOURCE
+from silmesh.settings.fit import FITS
+from silmesh.settings.quality import Policy
+from silmesh.settings.silhouettes import SilhouetteSource
 
 COMMAND = [sys.executable, "-c", "from silmesh.cli.main import main; main(prog_name='silmesh')"]
 VIEWS = 12

@@ -13,9 +13,9 @@ from silmesh.cli.workspace import (
     to_name,
     try_workspace,
 )
-from silmesh.config import NAME
 from silmesh.errors import InputError
 from silmesh.naming import natural_key
+from silmesh.settings.section import NAME
 
 VALUES = {"variants": {"mesh": {}}}
 

@@ -15,15 +15,28 @@ from scenes import silhouettes, turntable
 
 from silmesh.fitting.checkpoint import Checkpoint
 from silmesh.fitting.fast import Fast
-from silmesh.fitting.fast import Settings as FastSettings
 from silmesh.fitting.loop import run
-from silmesh.fitting.softras import Settings as SoftRasSettings
 from silmesh.fitting.softras import SoftRas
 from silmesh.meshes import to_tensors
+from silmesh.settings.fit import FastFit, FastWeights, SoftRasFit, Weights
 from silmesh.shapes.sphere import unit_sphere
 
-SOFTRAS = SoftRasSettings(12, 0.01, (0.5, 0.99), 1e-4, 0.03, 0.0003)
-FAST = FastSettings(60, 0.5, (0.9, 0.999), 1e-4, 0.1, 5e-5, 1.0, 2, True, True, True, True, 0)
+SOFTRAS = SoftRasFit(
+    iterations=12,
+    learning_rate=0.01,
+    betas=(0.5, 0.99),
+    sigma=1e-4,
+    weights=Weights(laplacian=0.03, flatten=0.0003),
+)
+FAST = FastFit(
+    iterations=60,
+    learning_rate=0.5,
+    betas=(0.9, 0.999),
+    sigma=1e-4,
+    weights=FastWeights(laplacian=0.1, flatten=5e-5),
+    smoothing=1.0,
+    batch=2,
+)
 
 
 class Killed(Exception):  # noqa: N818
@@ -197,14 +210,9 @@ def write_scene(folder: Path, preset: str) -> list[str]:
     pictures = {"views": folder / "pictures", "silhouettes": folder / "pictures"}
     agreement = torch.ones(len(cameras)).numpy()
     write(folder / "scene", cameras, Similarity.identity(), agreement, pictures, {})
-    told = {
-        "softras": "--iterations 400 --learning-rate 0.01 --betas 0.5 0.99 --sigma 1e-4"
-        " --laplacian 0.03 --flatten 0.0003",
-        "fast": "--iterations 400 --learning-rate 0.5 --betas 0.9 0.999 --sigma 1e-4"
-        " --laplacian 0.1 --flatten 0.00005 --smoothing 1 --batch 2",
-    }[preset]
+    told = {"softras": SOFTRAS, "fast": FAST}[preset].model_copy(update={"iterations": 400})
     first, made = str(folder / "first.ply"), str(folder / "scene")
-    return ["--first", first, "--scene", made, "--preset", preset, *told.split()]
+    return ["--first", first, "--scene", made, "--settings", told.model_dump_json()]
 
 
 def start(arguments: list[str], out: Path) -> subprocess.Popen:

@@ -11,16 +11,33 @@ from silmesh.errors import InputError
 from silmesh.evaluation import silhouette_iou
 from silmesh.fitting import fast
 from silmesh.fitting.cameras import SHARED_SD
-from silmesh.fitting.fast import Fast, Settings
+from silmesh.fitting.fast import Fast
 from silmesh.fitting.loop import run
 from silmesh.meshes import to_tensors
 from silmesh.quality import count_intersections
+from silmesh.settings.fit import FastFit, FastWeights
 from silmesh.shapes.sphere import unit_sphere
 
 AXES, CENTRE = (0.4, 0.22, 0.3), (0.05, -0.1, 0.0)
-TOLD = Settings(
-    300, 0.5, (0.9, 0.999), (0.24 / 64) ** 2, 0.1, 5e-5, 1.0, 6, True, True, True, True, 0
+TOLD = FastFit(
+    iterations=300,
+    learning_rate=0.5,
+    betas=(0.9, 0.999),
+    sigma=(0.24 / 64) ** 2,
+    weights=FastWeights(laplacian=0.1, flatten=5e-5),
+    smoothing=1.0,
+    batch=6,
+    coarse_to_fine=True,
+    refine_cameras=True,
+    remesh=True,
+    untangle=True,
+    seed=0,
 )
+
+
+def changed(**others):
+    """The same but for some, whatever they are."""
+    return TOLD.model_copy(update=others)
 
 
 def scene(count=12, size=64, elevation=20.0):
@@ -62,7 +79,7 @@ def test_a_perturbed_turntable_is_found():
     wrong = replace(low, t=low.t + torch.tensor([0.03, 0, 0], dtype=torch.float64))
     ious = {}
     for refine in (False, True):
-        fit, _ = fitted(wrong, seen, replace(TOLD, refine_cameras=refine))
+        fit, _ = fitted(wrong, seen, changed(refine_cameras=refine))
         cameras = fit.correct(wrong, list(range(12)))
         ious[refine] = silhouette_iou(fit.verts, fit.faces, cameras, seen.numpy() > 0, 1e-6).mean()
     assert ious[True] > 0.965
@@ -97,7 +114,7 @@ def test_the_perspective_of_right_cameras_does_not_drift_whatever_the_rounding(s
 @pytest.mark.parametrize(("views", "batch"), [(12, 5), (12, 0), (7, 2), (3, 12)])
 def test_batches_share_the_views_evenly_and_each_round_sees_all(views, batch):
     cameras, seen = scene(views)
-    fit = Fast(*to_tensors(unit_sphere(162)), cameras, seen, replace(TOLD, batch=batch))
+    fit = Fast(*to_tensors(unit_sphere(162)), cameras, seen, changed(batch=batch))
     number = math.ceil(views / (batch or views))
     for _ in range(3):
         order = []
@@ -149,7 +166,7 @@ def test_a_view_without_weight_says_nothing():
     wrong[2] = wrong[2].flip(1).roll(9, 0)
     weights = torch.ones(6)
     weights[2] = 0
-    told = replace(TOLD, iterations=30, batch=0, coarse_to_fine=False)
+    told = changed(iterations=30, batch=0, coarse_to_fine=False)
     verts, faces = to_tensors(unit_sphere(162))
     first = verts * 0.6, faces
     _, records = fitted(cameras, wrong, told, first, weights=weights)
@@ -159,7 +176,7 @@ def test_a_view_without_weight_says_nothing():
 
 @pytest.mark.parametrize("threads", [1, 2])
 def test_fits_are_bitwise_the_same_for_any_number_of_threads(threads):
-    told = replace(TOLD, iterations=20)
+    told = changed(iterations=20)
     fit, records = fitted(*scene(), told)
     torch.set_num_threads(threads)
     again, same = fitted(*scene(), told)
@@ -176,7 +193,7 @@ def test_a_loss_that_is_not_finite_stops_the_fit():
 
 def test_a_step_far_too_long_is_shortened():
     cameras, seen = scene(6)
-    _, records = fitted(cameras, seen, replace(TOLD, iterations=20, learning_rate=1e21))
+    _, records = fitted(cameras, seen, changed(iterations=20, learning_rate=1e21))
     assert all(math.isfinite(record.loss) for record in records)
 
 
@@ -190,7 +207,7 @@ def test_a_wing_that_is_inside_out_is_turned_after_the_last_step(untangle, cross
     cameras = turntable(4, 64, elevation=20)
     seen = torch.tensor(silhouettes(cameras, [0.4, 0.01, 0.3]), dtype=torch.float32)
     template = torch.tensor(verts, dtype=torch.float32), torch.tensor(mesh.faces)
-    told = replace(TOLD, iterations=1, learning_rate=1e-3, remesh=False, untangle=untangle)
+    told = changed(iterations=1, learning_rate=1e-3, remesh=False, untangle=untangle)
     fit = Fast(*template, cameras, seen, told)
     run(fit)
     assert bool(count_intersections(fit.verts.numpy(), fit.faces.numpy())) == crossed

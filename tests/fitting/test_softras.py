@@ -9,8 +9,9 @@ from scenes import silhouettes, turntable
 from silmesh.errors import InputError
 from silmesh.fitting.loop import Record, run
 from silmesh.fitting.losses import Flatten
-from silmesh.fitting.softras import Settings, SoftRas
+from silmesh.fitting.softras import SoftRas
 from silmesh.meshes import to_tensors
+from silmesh.settings.fit import SoftRasFit
 from silmesh.shapes.sphere import unit_sphere
 from silmesh.softras import reference
 
@@ -19,13 +20,12 @@ SOFTRAS = {
     "learning_rate": 0.01,
     "betas": (0.5, 0.99),
     "sigma": 1e-4,
-    "laplacian": 0.03,
-    "flatten": 0.0003,
+    "weights": {"laplacian": 0.03, "flatten": 0.0003},
 }
 
 
 def settings(iterations, **changes):
-    return Settings(iterations=iterations, **(SOFTRAS | changes))
+    return SoftRasFit(iterations=iterations, **SOFTRAS).model_copy(update=changes)
 
 
 def fit(template, faces, cameras, seen, told, **others):
@@ -55,10 +55,9 @@ def plain_losses(displacement, centre, template, faces, cameras, seen, told):
     for i, j in ((0, 1), (1, 2), (2, 0)):
         adjacent[faces[:, i], faces[:, j]] = adjacent[faces[:, j], faces[:, i]] = 1
     laplacian = (v - adjacent @ v / adjacent.sum(1, keepdim=True)).square().sum()
-    flatten = Flatten(faces)(v)
-    return torch.stack(
-        [1 - iou + told.laplacian * laplacian + told.flatten * flatten, 1 - iou, laplacian, flatten]
-    )
+    flatten, weights = Flatten(faces)(v), told.weights
+    loss = 1 - iou + weights.laplacian * laplacian + weights.flatten * flatten
+    return torch.stack([loss, 1 - iou, laplacian, flatten])
 
 
 def plain_fit(scene, told):

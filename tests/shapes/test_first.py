@@ -7,8 +7,10 @@ from scenes import silhouettes, turntable
 
 from silmesh.errors import InputError
 from silmesh.progress import untold
+from silmesh.settings.check import check
+from silmesh.settings.init import Init
 from silmesh.shapes.choose import LATEST, ROUNDS, VIEWS, score_meshes
-from silmesh.shapes.first import PLACED, SHAPES, Init, first_mesh
+from silmesh.shapes.first import PLACED, SHAPES, first_mesh
 from silmesh.shapes.looks import crop, look_smaller, mean_iou, render
 
 SIZE = 96
@@ -24,7 +26,7 @@ def scene():
 @pytest.mark.parametrize("shape", PLACED)
 def test_every_shape_is_placed_at_twice_its_size_in_the_world(scene, shape):
     seen, cameras = scene
-    first = first_mesh(Init(shape, 300), seen, cameras)
+    first = first_mesh(Init(shape=shape, vertices=300), seen, cameras)
     assert len(first.mesh.vertices) == first.told["vertices"] == 300
     assert first.mesh.is_watertight
     assert first.mesh.volume > 0
@@ -38,32 +40,32 @@ def test_every_shape_is_placed_at_twice_its_size_in_the_world(scene, shape):
 
 @pytest.mark.parametrize("shape", PLACED)
 def test_without_alignment_it_is_about_the_origin_and_of_unit_size(scene, shape):
-    mesh = first_mesh(Init(shape, 200, "none"), *scene).mesh
+    mesh = first_mesh(Init(shape=shape, vertices=200, align="none"), *scene).mesh
     np.testing.assert_allclose(mesh.bounds.mean(axis=0), 0, atol=1e-9)
     assert np.linalg.norm(mesh.vertices, axis=1).max() == pytest.approx(1)
 
 
 @pytest.mark.parametrize("shape", [shape for shape in SHAPES if shape != "auto"])
-def test_too_few_vertices_are_refused(scene, shape):
-    with pytest.raises(InputError, match="11 vertices: should have at least 12"):
-        first_mesh(Init(shape, 11), *scene)
+def test_too_few_vertices_are_refused(shape):
+    with pytest.raises(InputError, match=r"vertices: should be a whole number from 12 .*, not 11"):
+        check(Init, {"shape": shape, "vertices": 11}, "init")
 
 
 def test_an_empty_hull_falls_back_to_the_ellipsoid_and_says_so():
     cameras = turntable(5, SIZE)
     seen = silhouettes(cameras, [0.2] * 3)
     seen[3] = np.roll(seen[3], 45, axis=0)
-    first = first_mesh(Init("hull", 162), seen, cameras)
+    first = first_mesh(Init(shape="hull", vertices=162), seen, cameras)
     assert (first.told["asked"], first.told["shape"]) == ("hull", "ellipsoid")
     assert "most of all in v3; the first mesh is the ellipsoid" in first.told["warnings"][0]
-    plain = first_mesh(Init("ellipsoid", 162), seen, cameras)
+    plain = first_mesh(Init(shape="ellipsoid", vertices=162), seen, cameras)
     np.testing.assert_array_equal(first.mesh.vertices, plain.mesh.vertices)
 
 
 def test_an_object_cut_by_the_frame_is_told(scene):
     _, cameras = scene
     seen = silhouettes(cameras, AXES, [0.65, 0, 0])
-    cut = first_mesh(Init("ellipsoid", 162), seen, cameras).told["warnings"]
+    cut = first_mesh(Init(shape="ellipsoid", vertices=162), seen, cameras).told["warnings"]
     assert len(cut) == 1
     assert cut[0].startswith("the frame cuts the object in v")
 
@@ -140,7 +142,7 @@ def test_a_trial_that_ends_early_comes_last(scene):
 
 
 def test_auto_takes_what_does_best(scene):
-    first = first_mesh(Init("auto", 300), *scene, overlap)
+    first = first_mesh(Init(shape="auto", vertices=300), *scene, overlap)
     scores = first.told["scores"]
     assert set(scores) == set(PLACED)
     assert first.told["shape"] == next(iter(scores)) in ("ellipsoid", "hull")
@@ -148,7 +150,7 @@ def test_auto_takes_what_does_best(scene):
     assert rounds == sorted(rounds)
     assert len(first.mesh.vertices) == 300
     small, eyes = look_smaller(*scene, 64, VIEWS)
-    plain = first_mesh(Init("cube", 642), *scene).mesh
+    plain = first_mesh(Init(shape="cube", vertices=642), *scene).mesh
     assert scores["cube"]["before"] == pytest.approx(next(overlap(plain, eyes, small)))
 
 
@@ -156,7 +158,7 @@ def test_auto_passes_over_an_empty_hull():
     cameras = turntable(5, SIZE)
     seen = silhouettes(cameras, [0.2] * 3)
     seen[3] = np.roll(seen[3], 45, axis=0)
-    told = first_mesh(Init("auto", 162), seen, cameras, overlap).told
+    told = first_mesh(Init(shape="auto", vertices=162), seen, cameras, overlap).told
     assert "hull" not in told["scores"]
     assert "contradict each other" in told["warnings"][0]
 
@@ -183,7 +185,7 @@ def test_an_object_that_the_photographs_frame_cuts_is_not_cut_off_there():
     padded[:, : frame[1]] = False
     high = []
     for given in ((padded, cameras), crop(padded, cameras, frame)):
-        first = first_mesh(Init("hull", 200), *given)
+        first = first_mesh(Init(shape="hull", vertices=200), *given)
         high.append(first.mesh.vertices[:, 1].max() / 2)
         warned = any("the frame cuts the object" in w for w in first.told["warnings"])
         assert warned == (given[1] is not cameras)

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 from scenes import turntable
 
-from silmesh.shapes.first import Init, first_mesh
+from silmesh.settings.init import Init
+from silmesh.shapes.first import first_mesh
 from silmesh.shapes.place import align_to_box, choose_count, choose_report_count
 from silmesh.shapes.sphere import unit_sphere
 
@@ -55,7 +56,7 @@ def test_auto_takes_the_fewest_vertices_with_edges_of_5_pixels(radius, count):
     disc = (rows - 128) ** 2 + (columns - 128) ** 2 < radius**2
     seen = np.stack([disc, disc])
     assert choose_report_count(seen) == count
-    mesh = first_mesh(Init("sphere", None, "none"), seen, turntable(2, 256)).mesh
+    mesh = first_mesh(Init(shape="sphere", align="none"), seen, turntable(2, 256)).mesh
     assert len(mesh.vertices) == count
 
 
@@ -82,7 +83,7 @@ def test_the_first_sphere_is_aligned_to_the_first_silhouette():
     views = np.stack([box(256, 30, 100, 90, 220), box(256, 0, 0, 9, 9)])
     cameras = turntable(2, 256)
     expected = align_to_box(unit_sphere(642).vertices, views[0])
-    placed = first_mesh(Init("sphere", 642), views, cameras).mesh
+    placed = first_mesh(Init(shape="sphere", vertices=642), views, cameras).mesh
     np.testing.assert_allclose(placed.vertices, expected)
-    plain = first_mesh(Init("sphere", 642, "none"), views, cameras).mesh
+    plain = first_mesh(Init(shape="sphere", vertices=642, align="none"), views, cameras).mesh
     np.testing.assert_allclose(plain.vertices, unit_sphere(642).vertices)

@@ -4,8 +4,9 @@ import torch
 from scenes import save
 
 from silmesh.errors import InputError
+from silmesh.settings.silhouettes import DeepLab
 from silmesh.silhouettes import deeplab, read_silhouettes, write_silhouettes
-from silmesh.silhouettes.deeplab import Settings, find_all, find_classes
+from silmesh.silhouettes.deeplab import find_all, find_classes
 from silmesh.silhouettes.network import (
     MEAN,
     STD,
@@ -80,7 +81,7 @@ def test_the_ball_lies_in_the_working_image_where_it_does_in_the_photograph(
     tmp_path, file, resize, classes
 ):
     views = views_of(tmp_path, photograph(BALL), resize=resize)
-    (found,) = find_all(views, Settings(MODEL, file, classes, None))
+    (found,) = find_all(views, DeepLab(model=MODEL, weights=file, classes=classes))
     v, u = np.indices((96, 96)) + 0.5
     scale = 4, (96 / 256 if resize == "stretch" else 0.25)
     top = 0 if resize == "stretch" else 16
@@ -95,7 +96,7 @@ def test_the_ball_lies_in_the_working_image_where_it_does_in_the_photograph(
 def test_large_photographs_and_small_ones_look_the_same(tmp_path, file):
     large = photograph(BALL).repeat(6, axis=0).repeat(6, axis=1)
     views = views_of(tmp_path, photograph(BALL), large)
-    small, large = find_all(views, Settings(MODEL, file, "any", None))
+    small, large = find_all(views, DeepLab(model=MODEL, weights=file, classes="any"))
     assert iou(small, large) > 0.97
 
 
@@ -117,7 +118,7 @@ def test_an_image_of_an_array_is_seen(tmp_path, file):
     planes = np.concatenate([photograph(BALL), np.full((*BALL.shape, 1), 255, np.uint8)], axis=2)
     np.save(tmp_path / "a.npy", np.stack([np.zeros_like(planes), planes]).transpose(0, 3, 1, 2))
     views = write_views([tmp_path / "a.npy"], 96, "stretch", tmp_path / "views")
-    _, found = find_all(views, Settings(MODEL, file, "any", None))
+    _, found = find_all(views, DeepLab(model=MODEL, weights=file, classes="any"))
     assert found[40:70, 50:65].mean() > 0.9  # within the ball
     assert found[:20].mean() < 0.1
 
@@ -142,7 +143,7 @@ def test_scores_are_resized_before_the_best_is_taken(tmp_path):
 
 
 def test_silhouettes_are_written(tmp_path, file):
-    settings = Settings(MODEL, file, "any", None)
+    settings = DeepLab(model=MODEL, weights=file, classes="any")
     views = views_of(tmp_path, photograph(BALL))
     write_silhouettes("deeplab", views, tmp_path / "views", [], tmp_path / "out", settings)
     assert read_silhouettes(tmp_path / "out", ["a"]).any()
@@ -152,7 +153,7 @@ def test_a_photograph_in_which_nothing_is_found_is_named(tmp_path, file):
     learnt = load_weights(file, MODEL)
     learnt.state["classifier.4.bias"][0] = 1e6  # it sees nothing but background
     write_weights(tmp_path / "blind.pt", learnt)
-    settings = Settings(MODEL, str(tmp_path / "blind.pt"), "any", None)
+    settings = DeepLab(model=MODEL, weights=str(tmp_path / "blind.pt"), classes="any")
     views = views_of(tmp_path, photograph(BALL))
     with pytest.raises(InputError, match=r"a\.png: view 'a', .* empty; .*bin/run train"):
         write_silhouettes("deeplab", views, tmp_path / "views", [], tmp_path / "out", settings)

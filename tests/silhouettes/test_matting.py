@@ -10,8 +10,9 @@ from scenes import save
 
 from silmesh.errors import InputError
 from silmesh.naming import match_masks
+from silmesh.settings.silhouettes import Matting
 from silmesh.silhouettes import matting, read_silhouettes, write_silhouettes
-from silmesh.silhouettes.matting import Settings, find_all, open_model
+from silmesh.silhouettes.matting import find_all, open_model
 from silmesh.silhouettes.weights import find_weights
 from silmesh.views import find_images, write_views
 
@@ -39,7 +40,7 @@ def test_isnet_finds_the_real_objects(weights, data, tmp_path):
     views = write_views(photographs, 256, "pad", tmp_path / "views")
     write_silhouettes("mask", views, tmp_path / "views", masks, tmp_path / "true")
     truth = read_silhouettes(tmp_path / "true", [view.view for view in views])
-    for found, true in zip(find_all(views, Settings("isnet", 2)), truth, strict=True):
+    for found, true in zip(find_all(views, Matting(model="isnet"), 2), truth, strict=True):
         assert (found & true).sum() / (found | true).sum() > 0.95
 
 
@@ -49,7 +50,13 @@ def test_an_empty_photograph_has_no_foreground(weights, tmp_path):
     views = write_views(find_images(tmp_path / "a"), 64, "pad", tmp_path / "views")
     with pytest.raises(InputError, match=r"plain.* empty; .*the model sees nothing"):
         write_silhouettes(
-            "matting", views, tmp_path / "views", [], tmp_path / "out", Settings("isnet", 2)
+            "matting",
+            views,
+            tmp_path / "views",
+            [],
+            tmp_path / "out",
+            Matting(model="isnet"),
+            threads=2,
         )
 
 
@@ -105,7 +112,7 @@ def test_a_model_made_by_hand_is_asked(tmp_path):
     pixels[10:30, 10:30] = 255
     save(tmp_path / "a" / "p.png", pixels)
     views = write_views(find_images(tmp_path / "a"), 32, "pad", tmp_path / "views")
-    (found,) = matting.find_alphas(views, Settings(str(tmp_path / "m.onnx")))
+    (found,) = matting.find_alphas(views, Matting(model=str(tmp_path / "m.onnx")))
     assert found.size == (16, 16)
     assert (found.getpixel((8, 8)), found.getpixel((1, 1))) == (127, 0)
 

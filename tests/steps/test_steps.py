@@ -34,8 +34,9 @@ SETTINGS = {
     "learning_rate": 0.03,
     "betas": (0.5, 0.99),
     "sigma": 1e-4,
-    "laplacian": 0.03,
-    "flatten": 0.0003,
+    "weights": {"laplacian": 0.03, "flatten": 0.0003},
+    "holdout": 4,
+    "device": "cpu",
 }
 AXES, CENTRE = (30.0, 15.0, 20.0), (5.0, -3.0, 2.0)
 
@@ -50,9 +51,10 @@ def photographed():
 
 
 def call(step, **options):
-    """``main`` with options by their names; a list becomes several values."""
+    """``main`` with options by their names; a list becomes several values, a mapping JSON."""
     argv = []
     for name, value in options.items():
+        value = json.dumps(value) if isinstance(value, dict) else value
         values = value if isinstance(value, list | tuple) else [value]
         argv += [f"--{name.replace('_', '-')}", *map(str, values)]
     step.main(argv)
@@ -77,7 +79,7 @@ def results(tmp_path_factory):
     truth.export(root / "truth.ply")
 
     out = root / "results"
-    call(views, images=images, size=SIZE, resize="pad", output=out / "views")
+    call(views, images=images, settings={"size": SIZE}, output=out / "views")
     call(
         silhouettes_step,
         views=out / "views",
@@ -91,7 +93,7 @@ def results(tmp_path_factory):
     call(
         judge,
         scene=out / "found",
-        policy="keep",
+        settings={"policy": "keep"},
         threads=1,
         output=out / "scene",
     )
@@ -106,9 +108,7 @@ def results(tmp_path_factory):
     call(
         first,
         scene=out / "scene",
-        shape="sphere",
-        vertices=162,
-        align="none",
+        settings={"shape": "sphere", "vertices": 162, "align": "none"},
         output=out / "first.ply",
         report=out / "init.json",
     )
@@ -117,9 +117,7 @@ def results(tmp_path_factory):
         fit,
         first=out / "first.ply",
         scene=out / "scene",
-        **SETTINGS,
-        holdout=4,
-        device="cpu",
+        settings=SETTINGS,
         threads=1,
         meshes=variant / "mesh.ply",
         cameras=variant / "cameras.json",
@@ -140,8 +138,7 @@ def results(tmp_path_factory):
         scene=out / "scene",
         first=out / "init.json",
         truth=root / "truth.ply",
-        sigma=SETTINGS["sigma"],
-        holdout=4,
+        settings=SETTINGS,
         threads=1,
         results=out,
         output=variant / "metrics.json",
@@ -233,7 +230,7 @@ def test_silhouettes_may_lie_outside_the_results(results, tmp_path):
         mesh=variant / "mesh.ply",
         cameras=variant / "cameras.json",
         loss=variant / "loss.csv",
-        sigma=SETTINGS["sigma"],
+        settings=SETTINGS,
         scene=results / "scene",
         first=results / "init.json",
         results=results / "object",
@@ -251,7 +248,8 @@ def test_a_mesh_of_estimated_cameras_is_aligned_with_its_truth(results, tmp_path
     truth.apply_scale(0.25)
     truth.export(tmp_path / "truth.ply")
     argv = ["--mesh", variant / "mesh.ply", "--cameras", variant / "cameras.json", "--align"]
-    argv += ["--loss", variant / "loss.csv", "--sigma", SETTINGS["sigma"], "--results", results]
+    argv += ["--loss", variant / "loss.csv", "--settings", json.dumps(SETTINGS)]
+    argv += ["--results", results]
     argv += ["--scene", results / "scene", "--first", results / "init.json"]
     argv += ["--truth", tmp_path / "truth.ply"]
     evaluate.main([*map(str, argv), "--output", str(tmp_path / "metrics.json")])
@@ -293,7 +291,7 @@ def test_matrices_of_a_left_handed_world_and_its_truth_are_mirrored(results, tmp
             mesh=variant / "mesh.ply",
             cameras=variant / "cameras.json",
             loss=variant / "loss.csv",
-            sigma=SETTINGS["sigma"],
+            settings=SETTINGS,
             scene=folder,
             truth=true,
             results=results,
@@ -486,7 +484,7 @@ def test_a_scene_in_which_nothing_is_doubtful_stays_as_it_is(results):
 
 
 def test_a_dropped_view_leaves_the_scene_and_is_listed(doubtful, capsys):
-    call(judge, policy="drop", **doubtful)
+    call(judge, settings={"policy": "drop"}, **doubtful)
     out = doubtful["output"]
     told = json.loads((out / "scene.json").read_text())
     assert told["dropped"] == told["doubtful"] == {"v2": "empty"}
@@ -501,7 +499,7 @@ def test_a_dropped_view_leaves_the_scene_and_is_listed(doubtful, capsys):
 
 
 def test_a_repaired_view_is_fitted_and_its_original_kept(results, doubtful):
-    call(judge, policy="repair", **doubtful)
+    call(judge, settings={"policy": "repair"}, **doubtful)
     told = json.loads((doubtful["output"] / "scene.json").read_text())
     assert (told["repaired"], told["dropped"], told["weights"]["v2"]) == (["v2"], {}, 0.5)
     new, true = (
@@ -518,7 +516,13 @@ def test_an_object_that_leaves_its_photograph_is_told_of(results, tmp_path, caps
     tall = np.zeros((SIZE, SIZE, 4), np.uint8)
     tall[4:20, 14:17] = 255  # from the photograph's upper edge on, below the padding
     save(tmp_path / "found/silhouettes/v5.png", tall)
-    call(judge, scene=tmp_path / "found", policy="keep", threads=1, output=tmp_path / "judged")
+    call(
+        judge,
+        scene=tmp_path / "found",
+        settings={"policy": "keep"},
+        threads=1,
+        output=tmp_path / "judged",
+    )
     told = capsys.readouterr().err
     assert "view 'v5': the object leaves the photograph (3 pixels on its edge)" in told
     assert told.count("leaves the photograph") == 1
@@ -531,14 +535,21 @@ def test_silhouettes_that_the_photographs_contradict_are_listed(results, tmp_pat
     for name in ("v2", "v5"):
         file = tmp_path / "found/silhouettes" / f"{name}.png"
         save(file, np.roll(np.asarray(Image.open(file)), 8, axis=1))
-    call(judge, scene=tmp_path / "found", policy="keep", threads=1, output=tmp_path / "judged")
+    call(
+        judge,
+        scene=tmp_path / "found",
+        settings={"policy": "keep"},
+        threads=1,
+        output=tmp_path / "judged",
+    )
     for folder, expected in ((tmp_path / "judged", ["v2", "v5"]), (results / "scene", [])):
         assert json.loads((folder / "scene.json").read_text())["contradicted"] == expected
         table = pd.read_csv(folder / "quality.csv", index_col="view")
         assert table.index[(table["edges"] < 0.9) | (table["in_place"] < 0.9)].tolist() == expected
 
 
-FAST = SETTINGS | {"preset": "fast", "learning_rate": 1, "smoothing": 4, "laplacian": 0.003}
+FAST = SETTINGS | {"preset": "fast", "learning_rate": 1, "smoothing": 4}
+FAST |= {"weights": {"laplacian": 0.003, "flatten": 0.0003}}
 
 
 def fit_weighed(results, folder, settings, weights=None, without=()):
@@ -553,8 +564,9 @@ def fit_weighed(results, folder, settings, weights=None, without=()):
     told |= {} if weights is None else {"weights": weights}
     (folder / "scene.json").write_text(json.dumps(told))
     outputs = {"meshes": folder / "m.ply", "cameras": folder / "c.json", "loss": folder / "l.csv"}
-    given = {"first": results / "first.ply", "scene": folder, **settings, "iterations": 6}
-    call(fit, **given, batch=0, device="cpu", threads=1, **outputs)
+    told = settings | {"iterations": 6, "holdout": 0}
+    told |= {"batch": 0} if told["preset"] == "fast" else {}
+    call(fit, first=results / "first.ply", scene=folder, settings=told, threads=1, **outputs)
     return read_mesh(folder / "m.ply").vertices
 
 
@@ -574,7 +586,7 @@ def test_a_view_counts_in_the_fit_as_much_as_its_weight(results, tmp_path, setti
 
 def test_too_few_views_are_refused(doubtful):
     with pytest.raises(InputError, match=r"found: only 7 views are left, and quality\.fewest is 8"):
-        call(judge, policy="drop", fewest=8, **doubtful)
+        call(judge, settings={"policy": "drop", "fewest": 8}, **doubtful)
 
 
 def test_a_world_is_kept_if_asked(results, tmp_path):
@@ -599,8 +611,7 @@ def test_a_gpu_that_is_not_there_is_an_input_error(results, tmp_path):
             fit,
             first=results / "first.ply",
             scene=results / "scene",
-            **SETTINGS,
-            device="cuda",
+            settings=SETTINGS | {"device": "cuda"},
             meshes=[tmp_path / "m.ply"],
             cameras=tmp_path / "c.json",
             loss=tmp_path / "l.csv",

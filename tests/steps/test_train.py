@@ -1,5 +1,6 @@
 """The training step: a table with folders of photographs and masks, in a folder of its own."""
 
+import json
 import os
 import signal
 import subprocess
@@ -42,12 +43,16 @@ def table(tmp_path: Path) -> Path:
 def arguments(table: Path, out: Path, epochs: int = 2, holdout: str = "jug") -> list[str]:
     given = {
         "datasets": table,
-        "holdout": holdout,
-        "epochs": epochs,
-        "patience": 9,
-        "batch": 2,
-        "size": 64,
-        "learning-rate": 1e-3,
+        "settings": json.dumps(
+            {
+                "holdout": [holdout],
+                "epochs": epochs,
+                "patience": 9,
+                "batch": 2,
+                "size": 64,
+                "learning_rate": 1e-3,
+            }
+        ),
         "threads": 1,
         "checkpoint": out / "checkpoint.pt",
         "table": out / "epochs.csv",
@@ -96,7 +101,8 @@ def test_other_settings_begin_anew(table, tmp_path):
     one = step.identify(given, [file], [])
     assert step.identify(given, [file], []) == one
     assert step.identify(given | {"output": "elsewhere.pt"}, [file], []) == one
-    assert step.identify(given | {"seed": 1}, [file], []) != one
+    other = given["settings"].model_copy(update={"seed": 1})
+    assert step.identify(given | {"settings": other}, [file], []) != one
     os.utime(file, (1, 1))
     assert step.identify(given, [file], []) != one
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 import torch
 
+from silmesh.settings.train import Train
 from silmesh.silhouettes.network import load_weights, write_weights
 from silmesh.training.cutouts import cut_out
 from silmesh.training.loop import (
     Epoch,
     Material,
-    Settings,
     Training,
     _one_cycle,
     _size_at,
@@ -17,7 +17,13 @@ from silmesh.training.loop import (
     segmentation_loss,
 )
 
-TINY = Settings("mobilenet_v3_large", 2, patience=5, batch=2, size=64, learning_rate=1e-3, seed=0)
+
+def told(**values):
+    """Settings with these values."""
+    return Train(holdout=["none"], model="mobilenet_v3_large", **values)
+
+
+TINY = told(epochs=2, patience=5, batch=2, size=64, learning_rate=1e-3, seed=0)
 
 
 def balls(count: int, colour: tuple[int, int, int]) -> list[torch.Tensor]:
@@ -60,13 +66,13 @@ def test_the_rate_rises_and_falls():
 
 
 def test_the_first_epochs_look_at_smaller_photographs():
-    settings = Settings("mobilenet_v3_large", 10, 5, 2, 192, 1e-3, 0)
+    settings = told(epochs=10, patience=5, batch=2, size=192, learning_rate=1e-3)
     sizes = [_size_at(epoch, settings) for epoch in range(10)]
     assert sizes == [96] * 5 + [128] * 3 + [192] * 2
 
 
 def test_patience_counts_from_the_first_epoch_of_full_size():
-    training = Training(Settings("mobilenet_v3_large", 20, 1, 2, 192, 1e-3, 0), None)
+    training = Training(told(epochs=20, patience=1, batch=2, size=192, learning_rate=1e-3), None)
     falling = [Epoch(e, 1.0, 0.5, 1.0, 0.5 - 0.01 * e, 1e-3, 1.0) for e in range(18)]
     training.rows = falling[:17]  # of full size is the last alone
     assert not training.done
@@ -76,7 +82,9 @@ def test_patience_counts_from_the_first_epoch_of_full_size():
 
 @pytest.mark.parametrize("epochs", [1, 2, 4])
 def test_few_epochs_all_run(epochs):
-    training = Training(Settings("mobilenet_v3_large", epochs, 1, 2, 192, 1e-3, 0), None)
+    training = Training(
+        told(epochs=epochs, patience=1, batch=2, size=192, learning_rate=1e-3), None
+    )
     falling = [Epoch(e, 1.0, 0.5, 1.0, 0.5 - 0.01 * e, 1e-3, 1.0) for e in range(epochs)]
     for run in range(epochs):
         training.rows = falling[:run]
@@ -134,7 +142,9 @@ def test_a_checkpoint_of_something_else_is_left_alone(tmp_path):
 
 
 def test_it_stops_when_the_iou_no_longer_grows():
-    settings = Settings("mobilenet_v3_large", 50, 2, 2, 64, 1e-9, 0)  # it learns nothing
+    settings = told(
+        epochs=50, patience=2, batch=2, size=64, learning_rate=1e-9
+    )  # it learns nothing
     training = Training(settings, None)
     train(training, material(count=2), material(count=1))
     assert len(training.rows) - 1 - training.best_epoch == 2
@@ -158,7 +168,7 @@ def test_training_begins_with_weights_of_other_classes(tmp_path):
 def test_what_was_learnt_is_found(tmp_path):
     """A ball is found before a ground: to take all for the object comes to an IoU below 0.4."""
     # It comes to 0.84: 64 pixels are 4 x 4 features, and half as many steps end at 0.68.
-    settings = Settings("mobilenet_v3_large", 30, 30, 8, 64, 3e-3, 0)
+    settings = told(epochs=30, patience=30, batch=8, size=64, learning_rate=3e-3)
     training = Training(settings, None)
     train(training, material(count=48), material(count=4))
     assert training.rows[training.best_epoch].holdout_iou > 0.75

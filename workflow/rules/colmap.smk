@@ -7,7 +7,7 @@
 
 rule colmap_features:
     input:
-        lambda w: made(photographs(w, "features")),
+        lambda w: made(with_features(w).dataset.images),
     output:
         directory("results/{object}/stages/features/{features}"),
     log:
@@ -17,63 +17,62 @@ rule colmap_features:
     priority: 10
     threads: workflow.cores
     params:
-        images=lambda w: texts(photographs(w, "features")),
-        read=lambda w: given_digest(photographs(w, "features")),
-        settings=lambda w: "--max-size {0.max_size} --features {0.features}".format(
-            plan.with_key(w.object, "features", w.features).colmap
-        ),
+        images=lambda w: texts(with_features(w).dataset.images),
+        read=lambda w: given_digest(with_features(w).dataset.images),
+        settings=lambda w: settings(with_features(w).settings.colmap.part(Features)),
         code=code_digest("silmesh.steps.colmap_features"),
     message:
         "{wildcards.object}: finding the features of its photographs"
     shell:
-        "python -m silmesh.steps colmap_features --images {params.images:q} {params.settings}"
-        " --threads {threads} --output {output:q} 2> {log:q}"
+        "python -m silmesh.steps colmap_features --images {params.images:q}"
+        " --settings {params.settings:q} --threads {threads} --output {output:q} 2> {log:q}"
 
 
 rule colmap_matches:
     input:
-        "results/{object}/stages/features/{features}",
+        lambda w: with_matches(w).folder("features"),
     output:
-        directory("results/{object}/stages/matches/{features}-{matching}-{seed}"),
+        directory("results/{object}/stages/matches/{matches}"),
     log:
-        "logs/colmap/{object}-matches-{features}-{matching}-{seed}.log",
+        "logs/colmap/{object}-matches-{matches}.log",
     benchmark:
-        "logs/colmap/{object}-matches-{features}-{matching}-{seed}.tsv"
+        "logs/colmap/{object}-matches-{matches}.tsv"
     priority: 10
     threads: workflow.cores
     params:
+        settings=lambda w: settings(with_matches(w).settings.colmap.part(Matches)),
         code=code_digest("silmesh.steps.colmap_matches"),
     message:
         "{wildcards.object}: matching its photographs"
     shell:
         "python -m silmesh.steps colmap_matches --features {input:q}"
-        " --matching {wildcards.matching} --seed {wildcards.seed} --threads {threads}"
+        " --settings {params.settings:q} --threads {threads}"
         " --output {output:q} 2> {log:q}"
 
 
 rule colmap_map:
     input:
-        "results/{object}/stages/matches/{matches}",
+        lambda w: with_model(w).folder("matches"),
     output:
-        directory("results/{object}/stages/models/{matches}-{mapping}"),
+        directory("results/{object}/stages/models/{model}"),
     log:
-        "logs/colmap/{object}-map-{matches}-{mapping}.log",
+        "logs/colmap/{object}-map-{model}.log",
     benchmark:
-        "logs/colmap/{object}-map-{matches}-{mapping}.tsv"
+        "logs/colmap/{object}-map-{model}.tsv"
     priority: 10
     params:
-        seed=lambda w: plan.with_key(w.object, "matches", w.matches).colmap.seed,
+        settings=lambda w: settings(with_model(w).settings.colmap.part(Reconstruction)),
         code=code_digest("silmesh.steps.colmap_map"),
     message:
         "{wildcards.object}: finding cameras from its matches"
     shell:
-        "python -m silmesh.steps colmap_map --matches {input:q} --mapping {wildcards.mapping}"
-        " --seed {params.seed} --output {output:q} 2> {log:q}"
+        "python -m silmesh.steps colmap_map --matches {input:q}"
+        " --settings {params.settings:q} --output {output:q} 2> {log:q}"
 
 
 rule colmap:
     input:
-        model=lambda w: f"results/{w.object}/stages/models/{with_colmap(w).model_key}",
+        model=lambda w: with_colmap(w).folder("model"),
         views="results/{object}/stages/views/{views}",
         silhouettes="results/{object}/stages/silhouettes/{views}-{source}",
     output:
@@ -94,7 +93,7 @@ rule colmap:
 rule colmap_masked:
     input:
         unpack(unmasked_attempt),
-        features=lambda w: f"results/{w.object}/stages/features/{with_colmap(w).features_key}",
+        features=lambda w: with_colmap(w).folder("features"),
         views="results/{object}/stages/views/{views}",
         silhouettes="results/{object}/stages/silhouettes/{views}-{source}",
     output:
@@ -106,9 +105,7 @@ rule colmap_masked:
     priority: 10
     threads: 2
     params:
-        settings=lambda w: "--matching {0.matching} --mapping {0.colmap.mapping} --seed {0.colmap.seed}".format(
-            with_colmap(w)
-        ),
+        settings=lambda w: settings(with_colmap(w).settings.colmap),
         unmasked=lambda w, input: (
             f"--unmasked {quote(input.unmasked)}" if input.get("unmasked") else ""
         ),
@@ -118,4 +115,4 @@ rule colmap_masked:
     shell:
         "python -m silmesh.steps colmap_masked --features {input.features:q}"
         " --views {input.views:q} --silhouettes {input.silhouettes:q} {params.unmasked}"
-        " {params.settings} --threads {threads} --output {output:q} 2> {log:q}"
+        " --settings {params.settings:q} --threads {threads} --output {output:q} 2> {log:q}"

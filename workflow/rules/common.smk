@@ -38,45 +38,31 @@ def texts(files):
     return [str(file) for file in files]
 
 
-def photographs(wildcards, stage):
-    """The photographs that a stage (``views``, ``features``) with these wildcards reads."""
-    key = getattr(wildcards, stage)
-    return plan.with_key(wildcards.object, stage, key).dataset.images
-
-
-def views_settings(wildcards):
-    """The arguments that say how photographs are resized, and how many must be readable."""
-    views = plan.with_key(wildcards.object, "views", wildcards.views).views
+def fewest_photographs(wildcards):
+    """The argument that says how many photographs must be readable, if not all."""
     fewest = plan.fewest_photographs(wildcards.object, wildcards.views)
-    least = "" if fewest is None else f" --fewest {fewest}"
-    return f"--size {views.size} --resize {views.resize}{least}"
+    return "" if fewest is None else f"--fewest {fewest}"
 
 
-def with_scene(wildcards):
-    """A run that has this scene."""
-    return plan.with_key(wildcards.object, "scene", wildcards.scene)
+def settings(section):
+    """The settings of a stage as a rule's parameter, by which its step is run again: JSON."""
+    return section.model_dump_json()
 
 
-def with_judged(wildcards):
-    """A run that has this scene after its doubtful views were dealt with."""
-    return plan.with_key(wildcards.object, "judged", wildcards.judged)
+def with_stage(stage):
+    """A function of wildcards: a run that has the stage of that name, which they name."""
+    return lambda w: plan.with_key(w.object, stage, getattr(w, stage))
 
 
-def judge_settings(wildcards):
-    """The arguments that say what is done with doubtful views."""
-    run = with_judged(wildcards)
-    world = " --keep-world" if run.keeps_world else ""
-    return f"--policy {run.policy} --fewest {run.quality.fewest}{world}"
+with_views, with_features, with_matches, with_model = map(
+    with_stage, ("views", "features", "matches", "model")
+)
+with_scene, with_judged, with_first = map(with_stage, ("scene", "judged", "first"))
 
 
 def judge_threads(wildcards):
     """One where nothing waits for it, so that it runs beside the first mesh."""
     return 1 if with_judged(wildcards).policy == "keep" else 2
-
-
-def with_first(wildcards):
-    """A run that has this first mesh."""
-    return plan.with_key(wildcards.object, "first", wildcards.first)
 
 
 def with_silhouettes(wildcards):
@@ -101,25 +87,26 @@ def silhouettes_files(wildcards):
 
 def silhouettes_threads(wildcards):
     """A network's threads; another source has one."""
-    return 2 if with_silhouettes(wildcards).silhouettes in ("deeplab", "matting") else 1
+    return 2 if with_silhouettes(wildcards).network else 1
 
 
-def silhouettes_settings(wildcards, threads):
-    """The arguments that silhouettes need beside the views."""
+def silhouettes_settings(wildcards):
+    """Those of the network, if the silhouettes come from one."""
     run = with_silhouettes(wildcards)
-    spare = " --spare" * plan.spares(wildcards.object, run.silhouettes_key)
-    if run.silhouettes not in ("deeplab", "matting"):
-        return f"--source {run.silhouettes}{spare}"
-    values = getattr(run, run.silhouettes).model_dump()
-    if values.get("size") == "auto":
-        values["size"] = None
-    told = f"--settings {quote(json.dumps(values))} --threads {threads}"
-    return f"--source {run.silhouettes} {told}{spare}"
+    own = {run.silhouettes} if run.network else set()
+    return run.settings.model_dump_json(include=own)
+
+
+def spare(wildcards):
+    """The argument that lets unusable silhouettes pass, if no run needs every one."""
+    key = with_silhouettes(wildcards).silhouettes_key
+    return "--spare" * plan.spares(wildcards.object, key)
 
 
 def with_cameras(wildcards):
     """A run that has these cameras."""
-    return plan.with_cameras(wildcards.object, f"{wildcards.views}-{wildcards.cameras}")
+    key = f"{wildcards.views}-{wildcards.cameras}"
+    return plan.with_key(wildcards.object, "cameras", key)
 
 
 def camera_source(wildcards):
@@ -131,25 +118,29 @@ def camera_source(wildcards):
     return f"--turntable {table.distance} {table.elevation} {table.step}"
 
 
+def with_calibration(wildcards):
+    """A run of whose attempts at cameras one is found from these silhouettes."""
+    key = f"{wildcards.views}-{wildcards.source}-{wildcards.calibration}"
+    return plan.with_key(wildcards.object, "cameras", key)
+
+
 def known_geometry(wildcards):
     """The arguments that say what is known of a turntable whose geometry is to be found."""
-    key = f"{wildcards.views}-{wildcards.source}-{wildcards.calibration}"
-    run = plan.with_cameras(wildcards.object, key)
-    known = run.turntable
+    known = with_calibration(wildcards).turntable
     values = {
         "--elevation": known.elevation,
         "--step": known.step,
         "--distance": known.distance,
     }
-    said = [f"{k}={v}" for k, v in values.items() if v is not None]
-    return " ".join(said + ["--no-above-table"] * (not run.above_table))
+    return " ".join(f"{k}={v}" for k, v in values.items() if v is not None)
 
 
 def with_colmap(wildcards):
     """A run of whose attempts at cameras one is this COLMAP's."""
     w = wildcards
     name = f"colmap_{w.masks}" if hasattr(w, "masks") else "colmap"
-    return plan.with_cameras(w.object, f"{w.views}-{w.source}-{name}_{w.digest}")
+    key = f"{w.views}-{w.source}-{name}_{w.digest}"
+    return plan.with_key(w.object, "cameras", key)
 
 
 def unmasked_attempt(wildcards):
@@ -160,80 +151,43 @@ def unmasked_attempt(wildcards):
     return {"unmasked": folder} if w.masks == "fallback" else {}
 
 
-def first_settings(wildcards):
-    """The arguments of a first mesh; those of the report's fit where it is chosen by one."""
-    init = with_first(wildcards).init
-    settings = (
-        f"--shape {init.shape} --vertices {init.vertices} --align {init.align}"
-        f" --genus {init.genus}"
-    )
-    if init.shape != "auto":
-        return settings
-    trial = SoftRasFit()
-    return settings + (
-        f" --learning-rate {trial.learning_rate} --betas {trial.betas[0]} {trial.betas[1]}"
-        f" --sigma {trial.sigma} --laplacian {trial.weights.laplacian}"
-        f" --flatten {trial.weights.flatten}"
-    )
+def trial_settings(wildcards):
+    """The argument that tells the fits by which a first mesh is chosen, if it is: the report's."""
+    chosen = with_first(wildcards).settings.init.shape == "auto"
+    return f"--trial {quote(settings(SoftRasFit()))}" if chosen else ""
 
 
 def fitted_scene(run):
     """The scene that is fitted: before its judging where that keeps every view as it is."""
-    stages = f"results/{run.dataset.object}/stages"
-    kept = run.policy == "keep"
-    return f"{stages}/scenes/{run.scene_key}" if kept else judged_scene(run)
-
-
-def judged_scene(run):
-    """The scene with what was found of its views."""
-    return f"results/{run.dataset.object}/stages/judged/{run.judged_key}"
+    return run.folder("scene" if run.policy == "keep" else "judged")
 
 
 def first_threads(wildcards):
     """Two where meshes are tried by fits; carving one leaves the other core to the judging."""
-    return 2 if with_first(wildcards).init.shape == "auto" else 1
+    return 2 if with_first(wildcards).settings.init.shape == "auto" else 1
 
 
 def fit_inputs(wildcards):
     """The stages that a fit stands on."""
     run = plan.run(wildcards.object, wildcards.variant)
     return {
-        "first": f"results/{run.dataset.object}/stages/first/{run.first_key}/first.ply",
+        "first": f"{run.folder('first')}/first.ply",
         "scene": fitted_scene(run),
     }
 
 
 def fit_settings(wildcards):
-    """The arguments of a fit."""
-    fit = plan.run(wildcards.object, wildcards.variant).fit
-    shared = (
-        f"--preset {fit.preset} --iterations {fit.iterations} --learning-rate {fit.learning_rate}"
-        f" --betas {fit.betas[0]} {fit.betas[1]} --sigma {fit.sigma}"
-        f" --laplacian {fit.weights.laplacian} --flatten {fit.weights.flatten}"
-        f" --holdout {fit.holdout} --device {fit.device}"
-    )
-    return shared if fit.preset == "softras" else f"{shared} {fast_settings(fit)}"
-
-
-def fast_settings(fit):
-    """The arguments that only the preset fast takes."""
-    switches = (
-        f"--{'' if getattr(fit, name) else 'no-'}{name.replace('_', '-')}"
-        for name in ("coarse_to_fine", "refine_cameras", "remesh", "untangle")
-    )
-    return (
-        f"--smoothing {fit.smoothing} --batch {fit.batch} --seed {fit.seed} "
-        + " ".join(switches)
-    )
+    """Those of a run's fit."""
+    return settings(plan.run(wildcards.object, wildcards.variant).settings.fit)
 
 
 def evaluate_inputs(wildcards):
     """What a mesh is measured against."""
     run = plan.run(wildcards.object, wildcards.variant)
-    truth, stages = run.dataset.truth, fit_inputs(wildcards)
+    truth = run.dataset.truth
     return {
-        "scene": judged_scene(run),
-        "first": stages["first"].replace("first.ply", "init.json"),
+        "scene": run.folder("judged"),
+        "first": f"{run.folder('first')}/init.json",
         "truth": f"results/{wildcards.object}/stages/truth.ply" if truth else [],
     }
 
@@ -251,17 +205,6 @@ def training_files():
     sets = plan.trained_on
     files = [file for one in sets for file in (*one.images, *one.masks)]
     return [*files, plan.config.datasets, Path(plan.config.train.weights)]
-
-
-def training_settings():
-    """The arguments of a training run."""
-    train = plan.config.train.model_dump()
-    train["start"] = train.pop("weights")
-    words = " ".join(train.pop("holdout"))
-    named = " ".join(
-        f"--{k.replace('_', '-')} {quote(str(v))}" for k, v in train.items()
-    )
-    return f"--holdout {words} {named}"
 
 
 def variants_of(object_):
@@ -318,7 +261,7 @@ def report_plan():
         for run in plan.runs
     }
     return {
-        "configuration": plan.config.model_dump(mode="json"),
+        "configuration": plan.config.describe(),
         "objects": rows,
         "truths": truths(),
         "runs": [
@@ -328,7 +271,7 @@ def report_plan():
                 "scene": run.scene_key,
                 "judged": run.judged_key,
                 "published": run.published,
-                "holdout": run.fit.holdout,
+                "holdout": run.settings.fit.holdout,
                 "stages": stages_of(run),
             }
             for run in plan.runs

@@ -16,9 +16,7 @@ rule evaluate:
     benchmark:
         "logs/evaluate/{object}-{variant}.tsv"
     params:
-        settings=lambda w: "--holdout {0.holdout} --sigma {0.sigma}".format(
-            plan.run(w.object, w.variant).fit
-        ),
+        settings=fit_settings,
         truth=truth_arguments,
         code=code_digest("silmesh.steps.evaluate"),
     message:
@@ -26,5 +24,5 @@ rule evaluate:
     shell:
         "python -m silmesh.steps evaluate --mesh {input.mesh:q} --cameras {input.cameras:q}"
         " --loss {input.loss:q} --scene {input.scene:q} --first {input.first:q}"
-        " {params.truth} {params.settings}"
+        " {params.truth} --settings {params.settings:q}"
         " --threads {threads} --output {output:q} 2> {log:q}"

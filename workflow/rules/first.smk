@@ -16,10 +16,11 @@ rule first:
     priority: 5
     threads: first_threads
     params:
-        settings=first_settings,
+        settings=lambda w: settings(with_first(w).settings.init),
+        trial=trial_settings,
         code=code_digest("silmesh.steps.first"),
     message:
         "{wildcards.object}: making the first mesh {wildcards.first}"
     shell:
-        "python -m silmesh.steps first --scene {input.scene:q} {params.settings}"
-        " --threads {threads} --output {output.mesh:q} --report {output.report:q} 2> {log:q}"
+        "python -m silmesh.steps first --scene {input.scene:q} --settings {params.settings:q}"
+        " {params.trial} --threads {threads} --output {output.mesh:q} --report {output.report:q} 2> {log:q}"

@@ -23,7 +23,7 @@ rule fit:
         "{wildcards.object}/{wildcards.variant}: fitting"
     shell:
         "python -m silmesh.steps fit --first {input.first:q}"
-        " --scene {input.scene:q} {params.settings}"
+        " --scene {input.scene:q} --settings {params.settings:q}"
         " --threads {threads} --name {wildcards.object}/{wildcards.variant}"
         " --meshes {output.mesh:q} --cameras {output.cameras:q} --loss {output.loss:q}"
         " --checkpoint {params.checkpoint:q} --code {params.code}"

@@ -6,7 +6,7 @@
 
 rule judge:
     input:
-        scene=lambda w: f"results/{w.object}/stages/scenes/{with_judged(w).scene_key}",
+        scene=lambda w: with_judged(w).folder("scene"),
     output:
         directory("results/{object}/stages/judged/{judged}"),
     log:
@@ -16,10 +16,11 @@ rule judge:
     priority: 10
     threads: judge_threads
     params:
-        settings=judge_settings,
+        settings=lambda w: settings(with_judged(w).settings.quality),
+        world=lambda w: "--keep-world" if with_judged(w).keeps_world else "",
         code=code_digest("silmesh.steps.judge"),
     message:
         "{wildcards.object}: judging the silhouettes"
     shell:
-        "python -m silmesh.steps judge --scene {input.scene:q} {params.settings}"
-        " --threads {threads} --output {output:q} 2> {log:q}"
+        "python -m silmesh.steps judge --scene {input.scene:q} --settings {params.settings:q}"
+        " {params.world} --threads {threads} --output {output:q} 2> {log:q}"

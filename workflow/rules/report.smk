@@ -70,21 +70,22 @@ rule picture:
     benchmark:
         "logs/picture/{object}-{variant}.tsv"
     params:
-        sigma=lambda w: plan.run(w.object, w.variant).fit.sigma,
+        settings=fit_settings,
         code=code_digest("silmesh.steps.picture"),
     message:
         "{wildcards.object}/{wildcards.variant}: drawing the mesh beside its photographs"
     shell:
         "python -m silmesh.steps picture --mesh {input.mesh:q} --first {input.first:q}"
-        " --cameras {input.cameras:q} --scene {input.scene:q} --sigma {params.sigma}"
+        " --cameras {input.cameras:q} --scene {input.scene:q}"
+        " --settings {params.settings:q}"
         " --output {output.picture:q} --gif {output.gif:q} --mp4 {output.mp4:q}"
         " --exhibit {output.exhibit:q} 2> {log:q}"
 
 
 rule gallery:
     input:
-        views=lambda w: f"results/{w.object}/stages/views/{with_judged(w).views_key}",
-        scene=lambda w: f"results/{w.object}/stages/scenes/{with_judged(w).scene_key}",
+        views=lambda w: with_judged(w).folder("views"),
+        scene=lambda w: with_judged(w).folder("scene"),
         judged="results/{object}/stages/judged/{judged}",
     output:
         sheet=report(

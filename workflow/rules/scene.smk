@@ -5,12 +5,9 @@
 
 rule scene:
     input:
-        views=lambda w: f"results/{w.object}/stages/views/{with_scene(w).views_key}",
-        silhouettes=lambda w: f"results/{w.object}/stages/silhouettes/{with_scene(w).silhouettes_key}",
-        cameras=lambda w: [
-            f"results/{w.object}/stages/cameras/{key}"
-            for key in with_scene(w).cameras_keys
-        ],
+        views=lambda w: with_scene(w).folder("views"),
+        silhouettes=lambda w: with_scene(w).folder("silhouettes"),
+        cameras=lambda w: with_scene(w).folders("cameras"),
     output:
         directory("results/{object}/stages/scenes/{scene}"),
     log:

@@ -6,14 +6,14 @@
 
 rule fetch_weights:
     output:
-        "resources/weights/{model}.onnx",
+        "resources/weights/{weights}.onnx",
     log:
-        "logs/fetch_weights/{model}.log",
+        "logs/fetch_weights/{weights}.log",
     priority: 20
     message:
-        "fetching the weights of {wildcards.model}, unless the cache has them"
+        "fetching the weights of {wildcards.weights}, unless the cache has them"
     shell:
-        "python -m silmesh.steps fetch_weights {wildcards.model} --output {output:q}"
+        "python -m silmesh.steps fetch_weights {wildcards.weights} --output {output:q}"
         " > {log:q} 2>&1"
 
 
@@ -39,9 +39,12 @@ rule silhouettes:
         masks=lambda w: texts(with_silhouettes(w).masks),
         read=lambda w: given_digest(silhouettes_files(w)),
         settings=silhouettes_settings,
+        source=lambda w: with_silhouettes(w).silhouettes,
+        spare=spare,
         code=code_digest("silmesh.steps.silhouettes"),
     message:
         "{wildcards.object}: finding silhouettes by {wildcards.source}"
     shell:
-        "python -m silmesh.steps silhouettes --views {input.views:q} {params.settings}"
-        " --masks {params.masks:q} --output {output:q} 2> {log:q}"
+        "python -m silmesh.steps silhouettes --views {input.views:q}"
+        " --source {params.source} --settings {params.settings:q} {params.spare}"
+        " --masks {params.masks:q} --threads {threads} --output {output:q} 2> {log:q}"

@@ -19,12 +19,12 @@ if plan.config.train:
             table=str(plan.config.datasets),
             files=texts(training_files()),
             read=given_digest(training_files()),
-            settings=training_settings(),
+            settings=settings(plan.config.train),
             checkpoint=str(TRAINED.with_name("checkpoint.pt")),
             code=code_digest("silmesh.steps.train"),
         message:
             "training DeepLabv3 on photographs with masks"
         shell:
-            "python -m silmesh.steps train --datasets {params.table:q} {params.settings}"
+            "python -m silmesh.steps train --datasets {params.table:q} --settings {params.settings:q}"
             " --threads {threads} --checkpoint {params.checkpoint:q}"
             " --table {output.table:q} --output {output.weights:q} 2> {log:q}"

@@ -5,7 +5,7 @@
 
 rule views:
     input:
-        lambda w: made(photographs(w, "views")),
+        lambda w: made(with_views(w).dataset.images),
     output:
         directory("results/{object}/stages/views/{views}"),
     log:
@@ -14,12 +14,13 @@ rule views:
         "logs/views/{object}-{views}.tsv"
     priority: 10
     params:
-        images=lambda w: texts(photographs(w, "views")),
-        read=lambda w: given_digest(photographs(w, "views")),
-        settings=views_settings,
+        images=lambda w: texts(with_views(w).dataset.images),
+        read=lambda w: given_digest(with_views(w).dataset.images),
+        settings=lambda w: settings(with_views(w).settings.views),
+        fewest=fewest_photographs,
         code=code_digest("silmesh.steps.views"),
     message:
         "{wildcards.object}: resizing its photographs"
     shell:
         "python -m silmesh.steps views --images {params.images:q}"
-        " {params.settings} --output {output:q} 2> {log:q}"
+        " --settings {params.settings:q} {params.fewest} --output {output:q} 2> {log:q}"

@@ -25,6 +25,7 @@ from silmesh.cameras.stages import DATABASE, Report
 from silmesh.errors import InputError
 from silmesh.naming import name_views
 from silmesh.progress import Share, untold
+from silmesh.settings.cameras import Features
 from silmesh.views import View, open_image, read_image
 
 LENS = "SIMPLE_RADIAL"  # focal length, principal point, one radial coefficient
@@ -52,8 +53,7 @@ class Photograph(NamedTuple):
 
 def extract(
     paths: Sequence[Path],
-    max_size: int,
-    count: int,
+    settings: Features,
     threads: int,
     folder: Path,
     progress: Share = untold,
@@ -62,8 +62,7 @@ def extract(
 
     Args:
         paths: image files
-        max_size: of the longer side in pixels, above which photographs are made smaller first
-        count: the most features that are kept of each
+        settings: how many features are kept, and above which size photographs are made smaller
         threads: processes; the result does not depend on it
         progress: is told which share is done
 
@@ -73,7 +72,7 @@ def extract(
     """
     _refuse_array(paths)
     names = name_views(paths)
-    work = partial(_look_at, max_size=max_size, count=count)
+    work = partial(_look_at, max_size=settings.max_size, count=settings.features)
     if threads > 1:
         with ProcessPoolExecutor(threads) as pool:
             looks = _follow(pool.map(work, names, paths), len(paths), progress)

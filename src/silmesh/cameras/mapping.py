@@ -13,6 +13,7 @@ from silmesh.cameras.matching import linked
 from silmesh.cameras.stages import MODEL, Report
 from silmesh.errors import InputError
 from silmesh.progress import Share, untold
+from silmesh.settings.cameras import Reconstruction
 
 SMALLEST = 3  # views of a model
 GROWTH = 1.4  # of the views or points, after which all of them are adjusted again
@@ -20,8 +21,7 @@ GROWTH = 1.4  # of the views or points, after which all of them are adjusted aga
 
 def map_views(
     database: Path,
-    mapping: str,
-    seed: int,
+    settings: Reconstruction,
     folder: Path,
     before: Report,
     progress: Share = untold,
@@ -30,7 +30,7 @@ def map_views(
 
     Args:
         database: of the matches
-        mapping: a key of ``MAPPERS``
+        settings: which of ``MAPPERS``, and the seed
         progress: is told which share is done, by ``incremental`` of the views
 
     Raises:
@@ -40,7 +40,8 @@ def map_views(
     scratch = folder / "models"
     scratch.mkdir()
     links = linked(database)
-    models = MAPPERS[mapping](database, scratch, seed, _count_to(len(links), progress))
+    placed = _count_to(len(links), progress)
+    models = MAPPERS[settings.mapping](database, scratch, settings.seed, placed)
     progress(1)
     report = before.tell(models=[m.num_reg_images() for m in models.values()], linked=links)
     if not models:

@@ -17,6 +17,7 @@ from silmesh.cameras.features import quieten
 from silmesh.cameras.stages import DATABASE, Report
 from silmesh.errors import InputError
 from silmesh.progress import Share, untold
+from silmesh.settings.cameras import Matches
 
 OVERLAP = 10  # neighbours on either side that are matched in an ordered capture
 STILL = 2.0  # pixels that a feature may move and still be of the background
@@ -26,8 +27,7 @@ TRIALS = 2000  # of the search for a pair's geometry: finds one that 45 % of the
 
 def match(
     database: Path,
-    matching: str,
-    seed: int,
+    settings: Matches,
     threads: int,
     folder: Path,
     before: Report,
@@ -37,8 +37,7 @@ def match(
 
     Args:
         database: of the features, which stays as it is
-        matching: ``exhaustive``: every pair; ``sequential``: neighbours in a closed round
-        seed: of the search for geometries
+        settings: which pairs are matched, and the seed of the search for geometries
         threads: the matches do not depend on it
         progress: is told which share is done
 
@@ -49,11 +48,11 @@ def match(
     shutil.copyfile(database, folder / DATABASE)
     with pycolmap.Database.open(database) as opened:
         names = [image.name for image in sorted(opened.read_all_images(), key=_number)]
-    pairs = pair_up(len(names), matching)
+    pairs = pair_up(len(names), settings.pairing_of(len(names)))
     lines = [f"{names[i]} {names[j]}\n" for i, j in pairs]
     step = max(FEWEST, -(-len(lines) // TOLD))
     for start in range(0, len(lines), step):
-        _match_listed(folder, lines[start : start + step], seed, threads)
+        _match_listed(folder, lines[start : start + step], settings.seed, threads)
         progress(min(1.0, (start + step) / len(lines)))
     return before.tell(**_count_verified(folder / DATABASE, len(pairs)))
 
@@ -78,7 +77,7 @@ def _match_listed(folder: Path, lines: Sequence[str], seed: int, threads: int) -
 
 
 def pair_up(count: int, matching: str) -> list[tuple[int, int]]:
-    """The pairs to match, of photographs in order.
+    """The pairs to match, of photographs in order: all, or the ``sequential`` ones.
 
     Those of an ordered capture are neighbours in a closed round, and others further off at
     distances that double, which ties the round together.

@@ -19,7 +19,6 @@ from typing import Any
 
 import yaml
 
-from silmesh.config import NAME
 from silmesh.datasets import COLUMNS, RESERVED, UNPRINTABLE
 from silmesh.errors import InputError
 from silmesh.files import PART, replacing, try_inside
@@ -29,6 +28,7 @@ from silmesh.naming import SUFFIXES, name_views, natural_key
 from silmesh.places import WRITTEN, try_places
 from silmesh.plan import Plan
 from silmesh.provenance import SOURCE
+from silmesh.settings.section import NAME
 from silmesh.silhouettes.weights import cache_folder
 
 TABLE, CONFIG = "datasets.tsv", "config.yaml"

@@ -8,7 +8,6 @@ halved often enough, the level is done.
 
 import math
 from copy import deepcopy
-from dataclasses import dataclass
 
 import numpy as np
 import torch
@@ -23,6 +22,7 @@ from silmesh.fitting.place import place
 from silmesh.fitting.smooth import Smooth, UniformAdam
 from silmesh.fitting.untangle import untangle
 from silmesh.remesh import even_length, remesh
+from silmesh.settings.fit import FastFit
 from silmesh.softras import soft_silhouettes
 
 PRIOR = 0.01  # weight of the cameras' prior
@@ -40,37 +40,6 @@ REMESH_PASSES = 3
 APART = 0.1  # pixels of the working images between two sides that had passed through each other
 
 
-@dataclass(frozen=True)
-class Settings:
-    """What a fit is told.
-
-    Attributes:
-        iterations: steps at most
-        learning_rate: the longest step of a vertex at first, in pixels
-        betas: of the vertices' Adam
-        sigma: softness of the silhouettes in the end, in squared half-image units
-        laplacian, flatten: weights of the two smoothness terms
-        smoothing: how far a step spreads over the mesh, in squared edges
-        batch: views in a step; 0 for all
-        coarse_to_fine, refine_cameras, remesh, untangle: whether this is done
-        seed: of the batches' order
-    """
-
-    iterations: int
-    learning_rate: float
-    betas: tuple[float, float]
-    sigma: float
-    laplacian: float
-    flatten: float
-    smoothing: float
-    batch: int
-    coarse_to_fine: bool
-    refine_cameras: bool
-    remesh: bool
-    untangle: bool
-    seed: int
-
-
 class Fast:
     """Deform a mesh until its silhouettes match the given ones.
 
@@ -79,7 +48,7 @@ class Fast:
         faces: [faces, 3] int64, closed
         cameras: of the views, in the normalised world
         silhouettes: [views, height, width] float32, 0 or 1
-        settings: the procedure's numbers
+        settings: of the procedure; their ``holdout`` and ``device`` are the caller's
         weights: [views] how much each view counts; all the same if not given
     """
 
@@ -89,11 +58,12 @@ class Fast:
         faces: Tensor,
         cameras: Cameras,
         silhouettes: Tensor,
-        settings: Settings,
+        settings: FastFit,
         weights: Tensor | None = None,
     ):
         self._told, self._weights = settings, weights
-        self._levels = levels_of(cameras, silhouettes, settings.sigma, settings.coarse_to_fine)
+        sigma = settings.sigma_at(silhouettes.shape[-1])
+        self._levels = levels_of(cameras, silhouettes, sigma, settings.coarse_to_fine)
         self._batches = math.ceil(len(cameras) / (settings.batch or len(cameras)))
         self._round = self._batches * math.ceil(ROUND / self._batches)
         self._refinement = Refinement(cameras)
@@ -135,7 +105,7 @@ class Fast:
             iou_loss(alpha, seen, weights),
             *(term(verts) for term in self._smoothness),
         ]
-        loss = terms[0] + told.laplacian * terms[1] + told.flatten * terms[2]
+        loss = terms[0] + told.weights.laplacian * terms[1] + told.weights.flatten * terms[2]
         losses = refuse_not_finite(torch.stack([loss, *terms]).tolist())
         self._move(loss, level)
         self._count_round(losses[0])

@@ -11,7 +11,6 @@ from torch import Tensor
 
 from silmesh.cameras.camera import Cameras
 from silmesh.errors import InputError
-from silmesh.fitting import fast, softras
 from silmesh.fitting.checkpoint import Checkpoint
 from silmesh.fitting.fast import Fast
 from silmesh.fitting.loop import Record
@@ -19,10 +18,10 @@ from silmesh.fitting.loop import run as run_fit
 from silmesh.fitting.softras import SoftRas
 from silmesh.meshes import to_tensors
 from silmesh.scene import Scene
+from silmesh.settings.fit import Fit
 from silmesh.views import held_out
 
 PROCEDURES = {"softras": SoftRas, "fast": Fast}
-Settings = softras.Settings | fast.Settings
 
 
 @dataclass(frozen=True)
@@ -33,23 +32,19 @@ class Fitted:
         mesh: in the input's own world, its vertices those of single precision that files have
         cameras: of all views in that world, corrected if the procedure does
         records: the losses before each step
-        sigma, holdout: as it was told: softness of the silhouettes, and which views were kept out
+        settings: by which it was fitted
     """
 
     mesh: trimesh.Trimesh
     cameras: Cameras
     records: Sequence[Record]
-    sigma: float
-    holdout: int
+    settings: Fit
 
 
 def fit_mesh(
     mesh: trimesh.Trimesh,
     scene: Scene,
-    preset: str,
-    settings: Settings,
-    holdout: int = 0,
-    device: str = "auto",
+    settings: Fit,
     watch: Callable[[Record], None] = lambda record: None,
     go_on: Callable[[Sequence[Any]], Checkpoint] | None = None,
 ) -> Fitted:
@@ -58,10 +53,7 @@ def fit_mesh(
     Args:
         mesh: at unit size (the procedures halve it)
         scene: the views; those of weight 0 are not fitted
-        preset: a key of ``PROCEDURES``
-        settings: the procedure's
-        holdout: every n-th view is kept out; 0 for none
-        device: ``cpu``, ``cuda``, or ``auto`` for the GPU if there is one
+        settings: of the preset, whose procedure fits; which views are kept out; the device
         watch: is told of each step
         go_on: gives the checkpoint to go on from and to leave if killed, of a fit that depends on
             what it is given
@@ -72,20 +64,20 @@ def fit_mesh(
     """
     cameras = scene.cameras
     counts = [scene.told.get("weights", {}).get(view, 1.0) for view in cameras.views]
-    out = held_out(len(cameras), holdout)
+    out = held_out(len(cameras), settings.holdout)
     kept = [i for i, count in enumerate(counts) if count and i not in out]
-    device = _choose_device(device)
+    device = _choose_device(settings.device)
     template, faces = (part.to(device) for part in to_tensors(mesh))
     seen = torch.tensor(scene.silhouettes[kept]).to(device, torch.float32)
     weights = _weights([counts[i] for i in kept], device)
     parts = template, faces, cameras.select(kept), seen, settings, weights
     checkpoint = go_on(parts) if go_on else None
-    fit = PROCEDURES[preset](*parts)
+    fit = PROCEDURES[settings.preset](*parts)
     records = run_fit(fit, watch, checkpoint)
     back = scene.similarity.inverse
     fitted = to_mesh(back.apply(fit.verts.double()), fit.faces)
     corrected = fit.correct(cameras, kept).in_world_of(back)
-    return Fitted(fitted, corrected, records, settings.sigma, holdout)
+    return Fitted(fitted, corrected, records, settings)
 
 
 def to_mesh(verts: Tensor, faces: Tensor) -> trimesh.Trimesh:

@@ -1,7 +1,6 @@
 """The report's fit, to the letter: every view in every step, Adam on all parameters."""
 
 from copy import deepcopy
-from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -11,26 +10,8 @@ from silmesh.fitting.adam import Adam
 from silmesh.fitting.loop import refuse_not_finite
 from silmesh.fitting.losses import Flatten, Laplacian, iou_loss
 from silmesh.fitting.parametrisation import OctantSigmoid
+from silmesh.settings.fit import SoftRasFit
 from silmesh.softras import soft_silhouettes
-
-
-@dataclass(frozen=True)
-class Settings:
-    """What a fit is told.
-
-    Attributes:
-        iterations: steps of Adam
-        learning_rate, betas: Adam's
-        sigma: softness of the silhouettes, in squared half-image units
-        laplacian, flatten: weights of the two smoothness terms
-    """
-
-    iterations: int
-    learning_rate: float
-    betas: tuple[float, float]
-    sigma: float
-    laplacian: float
-    flatten: float
 
 
 class SoftRas:
@@ -41,7 +22,7 @@ class SoftRas:
         faces: [faces, 3] int64
         cameras: of the views, in the normalised world
         silhouettes: [views, height, width] float32, 0 or 1
-        settings: the procedure's numbers
+        settings: of the procedure; their ``holdout`` and ``device`` are the caller's
         weights: [views] how much each view counts; all the same if not given
 
     Raises:
@@ -54,7 +35,7 @@ class SoftRas:
         faces: Tensor,
         cameras: Cameras,
         silhouettes: Tensor,
-        settings: Settings,
+        settings: SoftRasFit,
         weights: Tensor | None = None,
     ):
         self._shape = OctantSigmoid(template)
@@ -88,7 +69,7 @@ class SoftRas:
             iou_loss(alpha, self._silhouettes, self._weights),
             *(term(verts) for term in self._smoothness),
         ]
-        loss = terms[0] + told.laplacian * terms[1] + told.flatten * terms[2]
+        loss = terms[0] + told.weights.laplacian * terms[1] + told.weights.flatten * terms[2]
         losses = refuse_not_finite(torch.stack([loss, *terms]).tolist())
         self._shape.zero_grad()
         loss.backward()

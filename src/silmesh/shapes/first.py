@@ -1,22 +1,22 @@
 """The first mesh that a configuration names, and what a person should know of it."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 import trimesh
 
 from silmesh.cameras.camera import FIRST_SCALE, Cameras
-from silmesh.errors import InputError
 from silmesh.hull import is_cut
 from silmesh.progress import Share, untold
+from silmesh.settings.init import Init
 from silmesh.shapes.carved import Carved, EmptyHull, hull_mesh, prism_mesh
 from silmesh.shapes.choose import VERTICES, Score, Trial, score_meshes, share
 from silmesh.shapes.looks import crop
 from silmesh.shapes.place import align_to_box, choose_count, choose_report_count, to_unit
 from silmesh.shapes.primitives import PRIMITIVES, placed_primitive, plain_primitive
-from silmesh.shapes.sphere import FEWEST, unit_sphere
+from silmesh.shapes.sphere import unit_sphere
 
 CARVED: dict[str, Callable[[np.ndarray, Cameras, int, str], Carved]] = {
     "prism": prism_mesh,
@@ -27,24 +27,6 @@ SHAPES = ("sphere", *PLACED, "auto")
 FALLBACK = "ellipsoid"
 LOST = 0.001  # of a carved body's volume in other pieces, from which on a person is told
 NAMED = 5  # views that a warning names
-
-
-@dataclass(frozen=True)
-class Init:
-    """What is asked for.
-
-    Attributes:
-        shape: one of ``SHAPES``
-        vertices: how many, or None for as many as the silhouettes ask for
-        align: ``none`` for the origin at unit size; ``bbox`` for where the silhouettes are: of a
-            sphere the report's scale and shift to the first, of others in all of them
-        genus: whether a carved body may ``keep`` its tunnels or is to be a ``sphere``
-    """
-
-    shape: str
-    vertices: int | None = None
-    align: str = "bbox"
-    genus: str = "keep"
 
 
 @dataclass(frozen=True)
@@ -75,25 +57,20 @@ def first_mesh(
         progress: is told which share of these fits is done
         frame: left, top, right and bottom of all photographs in these images, in pixels; the whole
             images if not given
-
-    Raises:
-        InputError: too few vertices
     """
     if frame is not None and init.shape != "sphere":  # the report's is placed in the whole image
         silhouettes, cameras = crop(silhouettes, cameras, frame)
-    if init.vertices is not None and init.vertices < FEWEST:
-        raise InputError(f"a first mesh of {init.vertices} vertices: should have at least {FEWEST}")
     scores, warnings = {}, []
     shape = init.shape
     if shape == "auto":
         scores, warnings = _score(init, silhouettes, cameras, trial, progress)
         shape = next(iter(scores))
     try:
-        mesh, told = _make(replace(init, shape=shape), silhouettes, cameras)
+        mesh, told = _make(init.model_copy(update={"shape": shape}), silhouettes, cameras)
     except EmptyHull as error:
         shape = FALLBACK
         warnings.append(f"{error}; the first mesh is the {FALLBACK} instead")
-        mesh, told = _make(replace(init, shape=shape), silhouettes, cameras)
+        mesh, told = _make(init.model_copy(update={"shape": shape}), silhouettes, cameras)
     described = {
         "asked": init.shape,
         "shape": shape,
@@ -111,12 +88,13 @@ def _make(
     init: Init, silhouettes: np.ndarray, cameras: Cameras
 ) -> tuple[trimesh.Trimesh, dict[str, Any]]:
     """A first mesh at unit size, and what is told of a carved one."""
+    counted = init.vertices == "auto"
     if init.shape == "sphere":
-        mesh = unit_sphere(init.vertices or choose_report_count(silhouettes))
+        mesh = unit_sphere(choose_report_count(silhouettes) if counted else init.vertices)
         if init.align == "bbox":
             mesh.vertices = align_to_box(mesh.vertices, silhouettes[0])
         return mesh, {}
-    vertices = init.vertices or choose_count(silhouettes)
+    vertices = choose_count(silhouettes) if counted else init.vertices
     told = {}
     if init.shape in CARVED:
         carved = CARVED[init.shape](silhouettes, cameras, vertices, init.genus)
@@ -142,7 +120,7 @@ def _score(
 
     def make(shape: str) -> None:
         try:
-            small = replace(init, shape=shape, vertices=VERTICES)
+            small = init.model_copy(update={"shape": shape, "vertices": VERTICES})
             meshes[shape], _ = _make(small, silhouettes, cameras)
         except EmptyHull as error:
             warnings.append(str(error))

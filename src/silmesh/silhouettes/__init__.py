@@ -3,9 +3,9 @@
 A source is a module with ``find(image, view, mask)``: the working image (RGB, or RGBA if the
 photograph has an alpha channel), its ``View``, and the path of its mask file or None. It gives
 [size, size] bool. One with a network, which is loaded once and may look at all views before it
-decides, has ``find_all(views, settings)`` instead and gives them in turn; it is imported only when
-it is asked for. On disk a silhouette is what the report defines: RGBA, alpha 255 and grey 124 on
-the object, zero elsewhere.
+decides, has ``find_all(views, settings, threads)`` instead and gives them in turn; it is imported
+only when it is asked for. On disk a silhouette is what the report defines: RGBA, alpha 255 and grey
+124 on the object, zero elsewhere.
 """
 
 import json
@@ -70,6 +70,7 @@ def find_silhouettes(
     settings: Any = None,
     spare: bool = False,
     progress: Callable[[int], None] = lambda done: None,
+    threads: int | None = None,
 ) -> Found:
     """Find the silhouette of every view.
 
@@ -81,6 +82,7 @@ def find_silhouettes(
         settings: of the network, if the source is one
         spare: let a silhouette be empty that cannot be used, as long as two can
         progress: is told how many views are done
+        threads: of the network
 
     Raises:
         InputError: masks are lacking or differ in number from the views; a photograph or a mask
@@ -90,7 +92,7 @@ def find_silhouettes(
     spared, lost, kept = [], {}, []
     _refuse_other_count(source, views, masks)
     files = masks or [None] * len(views)
-    found = _find_each(source, views, images, files, settings)
+    found = _find_each(source, views, images, files, settings, threads)
     for done, (view, file, silhouette) in enumerate(zip(views, files, found, strict=True), start=1):
         if isinstance(silhouette, mask.SeveralValuesError):
             raise silhouette
@@ -126,6 +128,7 @@ def write_silhouettes(
     settings: Any = None,
     spare: bool = False,
     progress: Callable[[int], None] = lambda done: None,
+    threads: int | None = None,
 ) -> Sequence[str]:
     """Find the silhouette of every view and write ``<folder>/<view>.png``.
 
@@ -137,7 +140,7 @@ def write_silhouettes(
     """
     with making(folder) as part:
         found = find_silhouettes(
-            source, views, ImageFolder(images), masks, settings, spare, progress
+            source, views, ImageFolder(images), masks, settings, spare, progress, threads
         )
         for view, silhouette in zip(views, found.silhouettes, strict=True):
             encode(silhouette).save(part / f"{view.view}.png")
@@ -153,17 +156,18 @@ def _find_each(
     images: Mapping[str, Image.Image],
     files: Sequence[Path | None],
     settings: Any,
+    threads: int | None,
 ) -> Iterator[np.ndarray | InputError]:
     """The silhouette of each view in turn, or why there is none."""
     readable = [view for view in views if not view.unreadable]
     if source == "deeplab":
         from silmesh.silhouettes import deeplab  # torch and torchvision take seconds to import
 
-        found = deeplab.find_all(readable, settings)
+        found = deeplab.find_all(readable, settings, threads)
     elif source == "matting":
         from silmesh.silhouettes import matting
 
-        found = matting.find_all(readable, settings)
+        found = matting.find_all(readable, settings, threads)
     else:
         pairs = zip(views, files, strict=True)
         found = (_find(source, view, images, f) for view, f in pairs if not view.unreadable)

@@ -6,7 +6,6 @@ to ``size``; its scores are resized to the working image and the best class is t
 
 import zlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import groupby, islice
 
 import numpy as np
@@ -15,30 +14,28 @@ from PIL import Image
 from torch import Tensor
 from torch.nn import functional
 
+from silmesh.settings.silhouettes import DeepLab
 from silmesh.silhouettes.network import Weights, load_weights
 from silmesh.views import View, read_photograph
 
 BATCH = 4  # photographs of one shape that the network sees at once; only these are in memory
 
 
-@dataclass(frozen=True)
-class Settings:
-    """What ``config.DeepLab`` describes; ``size`` is None for the one that the weights are for."""
-
-    model: str
-    weights: str
-    classes: str
-    size: int | None
-
-
-def find_all(views: Sequence[View], settings: Settings) -> Iterator[np.ndarray]:
+def find_all(
+    views: Sequence[View], settings: DeepLab, threads: int | None = None
+) -> Iterator[np.ndarray]:
     """The silhouette of each view in turn, [size, size] bool.
+
+    Args:
+        threads: of torch; as many as it has if not given
 
     Raises:
         InputError: the weights or a photograph cannot be used
     """
+    torch.set_num_threads(threads or torch.get_num_threads())
     weights = load_weights(settings.weights, settings.model)
-    found = find_classes(views, weights, settings.size or weights.size)
+    size = weights.size if settings.size == "auto" else settings.size
+    found = find_classes(views, weights, size)
     if settings.classes == "dominant":
         yield from _keep_dominant(found)
     else:

@@ -6,7 +6,6 @@ cut at one half. One photograph is in memory at a time, a JPEG no larger than th
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +13,7 @@ import numpy as np
 from PIL import Image
 
 from silmesh.errors import InputError, explain, reading, shorten
+from silmesh.settings.silhouettes import Matting
 from silmesh.silhouettes.weights import find_weights
 from silmesh.views import View, read_photograph
 
@@ -25,27 +25,26 @@ FLOAT = "tensor(float)"  # as onnxruntime calls it
 WIDEST = 4096  # pixels of what a model looks at
 
 
-@dataclass(frozen=True)
-class Settings:
-    """What ``config.Matting`` describes, and on how many threads."""
-
-    model: str
-    threads: int = 1
-
-
-def find_all(views: Sequence[View], settings: Settings) -> Iterator[np.ndarray]:
+def find_all(
+    views: Sequence[View], settings: Matting, threads: int | None = None
+) -> Iterator[np.ndarray]:
     """The silhouette of each view in turn, [size, size] bool.
+
+    Args:
+        threads: of onnxruntime; one if not given
 
     Raises:
         InputError: the weights or a photograph cannot be used
     """
-    for view, alpha in zip(views, find_alphas(views, settings), strict=True):
+    for view, alpha in zip(views, find_alphas(views, settings, threads or 1), strict=True):
         yield np.asarray(view.place(alpha, Image.Resampling.BILINEAR)) > 127
 
 
-def find_alphas(views: Sequence[View], settings: Settings) -> Iterator[Image.Image]:
+def find_alphas(
+    views: Sequence[View], settings: Matting, threads: int = 1
+) -> Iterator[Image.Image]:
     """What the model gives of each photograph in turn: 8-bit grey, over its field of view."""
-    session = open_model(find_weights(settings.model), settings.threads)
+    session = open_model(find_weights(settings.model), threads)
     taken = session.get_inputs()[0]
     for view in views:
         shown = _show(view, taken.shape[2:])

@@ -1,6 +1,5 @@
 """Find the cameras of a turntable from silhouettes, in a world whose axis y is the turntable's."""
 
-import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -10,8 +9,9 @@ import torch
 from silmesh.cameras.attempt import write_attempt
 from silmesh.cameras.calibrate import calibrate_views
 from silmesh.progress import share_of
+from silmesh.settings.cameras import Calibrate
 from silmesh.silhouettes import read_silhouettes
-from silmesh.steps.command import output_folder, parser, run
+from silmesh.steps.command import add_settings, output_folder, parser, run
 from silmesh.views import read_views
 
 
@@ -23,12 +23,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--step", type=float, help="degrees from view to view, if known")
     args.add_argument("--elevation", type=float, help="in degrees, if known")
     args.add_argument("--distance", type=float, help="in sizes of the object, if known roughly")
-    args.add_argument(
-        "--above-table",
-        action=argparse.BooleanOptionalAction,
-        default=True,
-        help="the camera is taken not to look up at the table unless perspective clearly says so",
-    )
+    add_settings(args, Calibrate)
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument("--output", type=output_folder, required=True, help="folder to make")
     given = args.parse_args(argv)
@@ -40,7 +35,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         step=given.step,
         elevation=given.elevation,
         distance=given.distance,
-        above_table=given.above_table,
+        above_table=given.settings.above_table,
         progress=share_of(f"calibrate {given.output}"),
     )
     for warning in attempt.warnings:

@@ -6,15 +6,15 @@ from pathlib import Path
 from silmesh.cameras.features import extract
 from silmesh.cameras.stages import Report, make_stage
 from silmesh.progress import share_of
-from silmesh.steps.command import output_folder, parser, run
+from silmesh.settings.cameras import Features
+from silmesh.steps.command import add_settings, output_folder, parser, run
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Parse, call, save."""
     args = parser(__doc__)
     args.add_argument("--images", nargs="+", type=Path, required=True, help="the photographs")
-    args.add_argument("--max-size", type=int, default=1600, help="pixels of the longer side")
-    args.add_argument("--features", type=int, default=4096, help="the most of each photograph")
+    add_settings(args, Features)
     args.add_argument("--threads", type=int, default=1)
     args.add_argument("--output", type=output_folder, required=True, help="folder to make")
     given = args.parse_args(argv)
@@ -22,9 +22,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     make_stage(
         given.output,
         Report(),
-        lambda part, _: extract(
-            given.images, given.max_size, given.features, given.threads, part, progress
-        ),
+        lambda part, _: extract(given.images, given.settings, given.threads, part, progress),
     )
 
 

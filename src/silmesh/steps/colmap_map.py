@@ -3,18 +3,18 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from silmesh.cameras.mapping import MAPPERS, map_views
+from silmesh.cameras.mapping import map_views
 from silmesh.cameras.stages import DATABASE, make_stage, read_report
 from silmesh.progress import share_of
-from silmesh.steps.command import output_folder, parser, run
+from silmesh.settings.cameras import Reconstruction
+from silmesh.steps.command import add_settings, output_folder, parser, run
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Parse, load, call, save."""
     args = parser(__doc__)
     args.add_argument("--matches", type=Path, required=True, help="folder of the matches")
-    args.add_argument("--mapping", choices=list(MAPPERS), required=True)
-    args.add_argument("--seed", type=int, default=0)
+    add_settings(args, Reconstruction)
     args.add_argument("--output", type=output_folder, required=True, help="folder to make")
     given = args.parse_args(argv)
     progress = share_of(f"colmap_map {given.output}")
@@ -22,7 +22,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         given.output,
         read_report(given.matches),
         lambda part, report: map_views(
-            given.matches / DATABASE, given.mapping, given.seed, part, report, progress
+            given.matches / DATABASE, given.settings, part, report, progress
         ),
     )
 

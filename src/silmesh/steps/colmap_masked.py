@@ -8,11 +8,11 @@ from tempfile import TemporaryDirectory
 import torch
 
 from silmesh.cameras.attempt import read_attempt, write_attempt
-from silmesh.cameras.mapping import MAPPERS
-from silmesh.motion import Search, attempt_masked
+from silmesh.motion import attempt_masked
 from silmesh.progress import share_of
+from silmesh.settings.cameras import Colmap
 from silmesh.silhouettes import read_silhouettes
-from silmesh.steps.command import output_folder, parser, run
+from silmesh.steps.command import add_settings, output_folder, parser, run
 from silmesh.views import read_views
 
 
@@ -23,9 +23,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--unmasked", type=Path, help="the attempt without masks")
     args.add_argument("--views", type=Path, required=True, help="folder of the working images")
     args.add_argument("--silhouettes", type=Path, required=True, help="folder of the silhouettes")
-    args.add_argument("--matching", choices=["exhaustive", "sequential"], required=True)
-    args.add_argument("--mapping", choices=list(MAPPERS), required=True)
-    args.add_argument("--seed", type=int, default=0)
+    add_settings(args, Colmap)
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument("--output", type=output_folder, required=True, help="folder to make")
     given = args.parse_args(argv)
@@ -37,7 +35,8 @@ def main(argv: Sequence[str] | None = None) -> None:
             given.features,
             views,
             read_silhouettes(given.silhouettes, [view.view for view in views]),
-            Search(given.matching, given.mapping, given.seed, given.threads),
+            given.settings,
+            given.threads,
             Path(scratch),
             given.unmasked and read_attempt(given.unmasked),
             share_of(f"colmap_masked {given.output}"),

@@ -6,15 +6,15 @@ from pathlib import Path
 from silmesh.cameras.matching import match
 from silmesh.cameras.stages import DATABASE, make_stage, read_report
 from silmesh.progress import share_of
-from silmesh.steps.command import output_folder, parser, run
+from silmesh.settings.cameras import Matches
+from silmesh.steps.command import add_settings, output_folder, parser, run
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Parse, load, call, save."""
     args = parser(__doc__)
     args.add_argument("--features", type=Path, required=True, help="folder of the features")
-    args.add_argument("--matching", choices=["exhaustive", "sequential"], required=True)
-    args.add_argument("--seed", type=int, default=0)
+    add_settings(args, Matches)
     args.add_argument("--threads", type=int, default=1)
     args.add_argument("--output", type=output_folder, required=True, help="folder to make")
     given = args.parse_args(argv)
@@ -24,8 +24,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         read_report(given.features),
         lambda part, report: match(
             given.features / DATABASE,
-            given.matching,
-            given.seed,
+            given.settings,
             given.threads,
             part,
             report,

@@ -1,15 +1,17 @@
 """How a step meets the command line: its parser, and errors of the user's without a traceback."""
 
 import argparse
+import json
 import os
 import shlex
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from silmesh.errors import InputError
 from silmesh.files import NOT_OURS, try_file, try_folder, try_inside
+from silmesh.settings.check import check
 
 
 class _Parser(argparse.ArgumentParser):
@@ -26,6 +28,29 @@ def parser(doc: str) -> argparse.ArgumentParser:
     ``output_folder`` or ``output_place``.
     """
     return _Parser(description=doc, formatter_class=argparse.ArgumentDefaultsHelpFormatter)
+
+
+def add_settings(
+    args: argparse.ArgumentParser, schema: Any, option: str = "--settings", of: str = "this stage"
+) -> None:
+    """Add the option that gives a step its settings: JSON, checked as the configuration is.
+
+    Args:
+        schema: a section of ``silmesh.settings``; a key that is left out has its default
+        of: whose settings they are, for the help
+    """
+
+    def read(text: str) -> Any:
+        try:
+            return check(schema, json.loads(text), option.removeprefix("--"))
+        except json.JSONDecodeError as error:
+            raise argparse.ArgumentTypeError(f"should be JSON: {error}") from error
+        except InputError as error:
+            raise argparse.ArgumentTypeError(str(error)) from error
+
+    args.add_argument(
+        option, type=read, default="{}", metavar="JSON", help=f"of {of}, as in the configuration"
+    )
 
 
 def output_file(path: str) -> Path:

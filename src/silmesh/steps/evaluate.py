@@ -13,7 +13,8 @@ from silmesh.files import replacing
 from silmesh.meshes import read_mesh
 from silmesh.metrics import evaluate
 from silmesh.scene import SILHOUETTES, load_scene
-from silmesh.steps.command import output_file, parser, run
+from silmesh.settings.fit import Fit
+from silmesh.steps.command import add_settings, output_file, parser, run
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -26,21 +27,21 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--first", type=Path, help="init.json of its first mesh")
     args.add_argument("--truth", type=Path, help="the true mesh, in the cameras' world")
     args.add_argument("--align", action="store_true", help="lay the mesh on the truth first")
-    args.add_argument("--holdout", type=int, default=0, help="every n-th view was kept out")
-    args.add_argument("--sigma", type=float, required=True, help="as in the fit")
+    add_settings(args, Fit, of="its fit")
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument("--results", type=Path, default=Path("results"), help="for relative paths")
     args.add_argument("--output", type=output_file, required=True, help="metrics.json to write")
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)
 
+    scene = load_scene(given.scene)
     metrics = evaluate(
         read_mesh(given.mesh),
         read_cameras(given.cameras),
-        load_scene(given.scene),
+        scene,
         _read_last(given.loss),
-        given.sigma,
-        given.holdout,
+        given.settings.sigma_at(scene.silhouettes.shape[-1]),
+        given.settings.holdout,
         json.loads(given.first.read_text(encoding="utf-8")) if given.first else None,
         Path(os.path.relpath(given.scene / SILHOUETTES, given.results)).as_posix(),
         read_mesh(given.truth) if given.truth else None,

@@ -12,34 +12,26 @@ import torch
 from silmesh.cameras.camera import write_cameras
 from silmesh.errors import blaming
 from silmesh.files import remove, replacing
-from silmesh.fitting import fast, softras
 from silmesh.fitting.checkpoint import Checkpoint
 from silmesh.fitting.fit import fit_mesh
 from silmesh.fitting.loop import Record
 from silmesh.meshes import read_mesh, to_tensors, write_mesh
 from silmesh.progress import Progress
 from silmesh.scene import load_scene
-from silmesh.steps.command import output_file, parser, run
-
-KINDS = {"softras": softras.Settings, "fast": fast.Settings}
+from silmesh.settings.fit import Fit
+from silmesh.steps.command import add_settings, output_file, parser, run
 
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Parse, load, call, save."""
     given = _parse(argv)
     torch.set_num_threads(given.threads)
-    kind = KINDS[given.preset]
-    settings = kind(**{field.name: getattr(given, field.name) for field in fields(kind)})
-
-    progress = Progress(f"fit {given.name}", settings.iterations)
+    progress = Progress(f"fit {given.name}", given.settings.iterations)
     with blaming(given.name):
         fitted = fit_mesh(
             read_mesh(given.first),
             load_scene(given.scene),
-            given.preset,
-            settings,
-            given.holdout,
-            given.device,
+            given.settings,
             lambda record: progress(record.iteration + 1, f"loss {record.loss:.4f}"),
             (lambda parts: _take_up(given, parts)) if given.checkpoint else None,
         )
@@ -70,21 +62,7 @@ def _parse(argv: Sequence[str] | None) -> argparse.Namespace:
     args = parser(__doc__)
     args.add_argument("--first", type=Path, required=True, help="first mesh, at unit size")
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
-    args.add_argument("--preset", choices=list(KINDS), required=True)
-    args.add_argument("--iterations", type=int, required=True, help="steps, at most")
-    args.add_argument("--learning-rate", type=float, required=True, help="see the preset's module")
-    args.add_argument("--betas", type=float, nargs=2, required=True, help="Adam's")
-    args.add_argument("--sigma", type=float, required=True, help="in squared half-image units")
-    args.add_argument("--laplacian", type=float, required=True, help="weight")
-    args.add_argument("--flatten", type=float, required=True, help="weight")
-    only = args.add_argument_group("of the preset fast only")
-    only.add_argument("--smoothing", type=float, help="how far a step spreads, in squared edges")
-    only.add_argument("--batch", type=int, help="views in a step; 0 for all")
-    for switch in ("--coarse-to-fine", "--refine-cameras", "--remesh", "--untangle"):
-        only.add_argument(switch, action=argparse.BooleanOptionalAction, default=True)
-    only.add_argument("--seed", type=int, default=0)
-    args.add_argument("--holdout", type=int, default=0, help="every n-th view is kept out")
-    args.add_argument("--device", choices=["cpu", "cuda", "auto"], default="auto")
+    add_settings(args, Fit)
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument("--name", default="fit", help="what progress lines call this fit")
     args.add_argument(

@@ -14,7 +14,8 @@ from silmesh.judging.judged import Judged, judge_scene
 from silmesh.judging.table import write_table
 from silmesh.progress import share_of
 from silmesh.scene import SILHOUETTES, VIEWS, load_scene, write_scene
-from silmesh.steps.command import output_folder, parser, run
+from silmesh.settings.quality import Quality
+from silmesh.steps.command import add_settings, output_folder, parser, run
 
 ORIGINALS = "originals"  # in the scene's folder
 
@@ -23,8 +24,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Parse, load, call, save."""
     args = parser(__doc__)
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
-    args.add_argument("--policy", choices=["keep", "drop", "repair"], required=True)
-    args.add_argument("--fewest", type=int, default=3, help="views that must be left")
+    add_settings(args, Quality)
+    args.add_argument("--source", default="", help="of the silhouettes, by which policy auto goes")
     args.add_argument("--keep-world", action="store_true", help="it is normalised already")
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument("--output", type=output_folder, required=True, help="folder to make")
@@ -34,8 +35,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     with blaming(given.scene):
         judged = judge_scene(
             load_scene(given.scene),
-            given.policy,
-            given.fewest,
+            given.settings.policy_for(given.source),
+            given.settings.fewest,
             given.keep_world,
             share_of(f"judge {given.output}"),
         )

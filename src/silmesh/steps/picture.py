@@ -12,8 +12,9 @@ from silmesh.report.pictures import draw_picture, quarter_turn
 from silmesh.report.rings import look_ahead
 from silmesh.report.turntable import draw_turn, write_gif, write_mp4
 from silmesh.scene import SILHOUETTES, VIEWS, read_scene
+from silmesh.settings.fit import Fit
 from silmesh.silhouettes import read_silhouettes
-from silmesh.steps.command import output_file, parser, run
+from silmesh.steps.command import add_settings, output_file, parser, run
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -23,7 +24,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--first", type=Path, required=True, help="its first mesh")
     args.add_argument("--cameras", type=Path, required=True, help="cameras.json of its world")
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
-    args.add_argument("--sigma", type=float, required=True, help="as in the fit")
+    add_settings(args, Fit, of="its fit")
     args.add_argument("--output", type=output_file, required=True, help="PNG to write")
     args.add_argument("--gif", type=output_file, required=True, help="turntable to write")
     args.add_argument("--mp4", type=output_file, required=True, help="the same as a film")
@@ -47,7 +48,8 @@ def main(argv: Sequence[str] | None = None) -> None:
 
     colours = to_linear(mesh.visual.vertex_colors[:, :3])
     first = read_mesh(given.first)
-    exhibit = describe_exhibit(mesh, colours, first, cameras, similarity, given.sigma)
+    sigma = given.settings.sigma_at(silhouettes.shape[-1])
+    exhibit = describe_exhibit(mesh, colours, first, cameras, similarity, sigma)
     with replacing(given.exhibit) as part:
         part.write_text(json.dumps(exhibit) + "\n", encoding="utf-8")
 

@@ -1,14 +1,13 @@
 """Find the silhouette of every view."""
 
-import json
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from silmesh.progress import Progress
+from silmesh.settings.silhouettes import Networks
 from silmesh.silhouettes import NETWORKS, SOURCES, write_silhouettes
-from silmesh.steps.command import output_folder, parser, run
+from silmesh.steps.command import add_settings, output_folder, parser, run
 from silmesh.views import read_views
 
 
@@ -18,7 +17,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--views", type=Path, required=True, help="folder of the working images")
     args.add_argument("--source", choices=[*SOURCES, *NETWORKS], required=True)
     args.add_argument("--masks", nargs="*", type=Path, default=[], help="files, a view each")
-    args.add_argument("--settings", type=json.loads, default={}, help="of a network, as JSON")
+    add_settings(args, Networks, of="the networks")
     args.add_argument("--threads", type=int, help="of a network")
     args.add_argument(
         "--spare", action="store_true", help="an unusable silhouette is empty and not refused"
@@ -32,28 +31,13 @@ def main(argv: Sequence[str] | None = None) -> None:
         given.views,
         given.masks,
         given.output,
-        _prepare(given.source, given.settings, given.threads),
+        getattr(given.settings, given.source, None),
         given.spare,
         Progress(f"silhouettes {given.output}", len(views)),
+        given.threads,
     )
     for wrong in spared:
         print(f"silmesh: {wrong}", file=sys.stderr)
-
-
-def _prepare(source: str, values: Mapping[str, Any], threads: int | None) -> Any:
-    """A network's settings, imported and set up only for it; another source has none."""
-    if source == "matting":
-        from silmesh.silhouettes.matting import Settings
-
-        return Settings(**values, threads=threads or 1)
-    if source == "deeplab":
-        import torch
-
-        from silmesh.silhouettes.deeplab import Settings
-
-        torch.set_num_threads(threads or torch.get_num_threads())
-        return Settings(**values)
-    return None
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ import hashlib
 import json
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from pathlib import Path
 
 import pandas as pd
@@ -16,30 +16,21 @@ from silmesh.errors import InputError
 from silmesh.files import remove, replacing
 from silmesh.progress import Progress
 from silmesh.provenance import code_digest
-from silmesh.silhouettes.network import MODELS, load_weights, write_weights
-from silmesh.steps.command import output_file, parser, run
+from silmesh.settings.train import NEW, Train
+from silmesh.silhouettes.network import load_weights, write_weights
+from silmesh.steps.command import add_settings, output_file, parser, run
 from silmesh.training.backgrounds import find_backgrounds, make_textures, read_backgrounds, split
 from silmesh.training.cutouts import read_cutout
-from silmesh.training.loop import Material, Settings, Training
+from silmesh.training.loop import Material, Training
 
 APART = ("checkpoint", "table", "output", "saves", "threads")  # from what makes a run what it is
-NEW = "none"  # weights that are drawn at random
 
 
 def parse(argv: Sequence[str] | None) -> argparse.Namespace:
     """The arguments."""
     args = parser(__doc__)
     args.add_argument("--datasets", type=Path, required=True, help="table of objects with masks")
-    args.add_argument("--holdout", nargs="+", required=True, help="objects that are only tested on")
-    args.add_argument("--backgrounds", default="shipped", help="or a folder or a glob")
-    args.add_argument("--model", choices=MODELS, default=MODELS[0])
-    args.add_argument("--start", default=NEW, help="weights: none, torchvision's name, or a file")
-    args.add_argument("--epochs", type=int, required=True)
-    args.add_argument("--patience", type=int, required=True, help="epochs without a better IoU")
-    args.add_argument("--batch", type=int, required=True, help="composites a step")
-    args.add_argument("--size", type=int, required=True, help="of the composites, in pixels")
-    args.add_argument("--learning-rate", type=float, required=True, help="the highest")
-    args.add_argument("--seed", type=int, default=0)
+    add_settings(args, Train, of="training")
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument(
         "--checkpoint", type=output_file, required=True, help="to write, and to go on from"
@@ -54,25 +45,25 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Parse, load, train, save."""
     given = parse(argv)
     torch.set_num_threads(given.threads)
-    settings = Settings(**{field.name: getattr(given, field.name) for field in fields(Settings)})
+    settings = given.settings
     objects = [dataset for dataset in read_datasets(given.datasets) if dataset.masks]
-    backgrounds = find_backgrounds(given.backgrounds)
-    start = None if given.start == NEW else load_weights(given.start, given.model)
+    backgrounds = find_backgrounds(settings.backgrounds)
+    start = None if settings.weights == NEW else load_weights(settings.weights, settings.model)
 
     training = Training(settings, start)
     identity = identify(vars(given), [f for o in objects for f in o.images + o.masks], backgrounds)
     training.resume(given.checkpoint, identity)
     photographs, tested = split(read_backgrounds(backgrounds))
-    textures = make_textures(given.seed)
+    textures = make_textures(settings.seed)
     material = Material(
-        _cut_out([o for o in objects if o.object not in given.holdout], given.size),
+        _cut_out([o for o in objects if o.object not in settings.holdout], settings.size),
         [kind for kind in (photographs, textures) if kind],
     )
     tests = Material(
-        _cut_out([o for o in objects if o.object in given.holdout], given.size),
-        [tested or make_textures(given.seed + 1, 20)],
+        _cut_out([o for o in objects if o.object in settings.holdout], settings.size),
+        [tested or make_textures(settings.seed + 1, 20)],
     )
-    progress = Progress("train", given.epochs)
+    progress = Progress("train", settings.epochs)
     save = _every(given.saves, lambda: training.save(given.checkpoint, identity))
     while not training.done:
         training.run_epoch(material, tests, save)
@@ -109,7 +100,8 @@ def _cut_out(objects: Sequence[Dataset], size: int) -> list[torch.Tensor]:
 
 def identify(given: dict, files: Sequence[Path], backgrounds: Sequence[Path]) -> str:
     """A digest of all that a training run depends on: only the same one is gone on with."""
-    read = [*files, *backgrounds, *[Path(p) for p in [given["start"]] if Path(p).is_file()]]
+    weights = Path(given["settings"].weights)
+    read = [*files, *backgrounds, *[weights] * weights.is_file()]
     states = [(str(p), p.stat().st_size, p.stat().st_mtime_ns) for p in read]
     named = {k: str(v) for k, v in given.items() if k not in APART}
     whole = json.dumps([named, states, code_digest("silmesh.steps.train")], sort_keys=True)

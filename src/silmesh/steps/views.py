@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from silmesh.progress import share_of
-from silmesh.steps.command import output_folder, parser, run
+from silmesh.settings.views import Views
+from silmesh.steps.command import add_settings, output_folder, parser, run
 from silmesh.views import count_frames, describe_shapes, write_views
 
 
@@ -13,17 +14,15 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Parse, call, save."""
     args = parser(__doc__)
     args.add_argument("--images", nargs="+", type=Path, required=True, help="files, or one .npy")
-    args.add_argument("--size", type=int, required=True, help="of the working images, in pixels")
-    args.add_argument("--resize", choices=["pad", "stretch"], required=True)
+    add_settings(args, Views)
     args.add_argument(
         "--fewest", type=int, help="photographs that must be readable; all if not given"
     )
     args.add_argument("--output", type=output_folder, required=True, help="folder to make")
     given = args.parse_args(argv)
     progress = share_of(f"views {given.output}")
-    views = write_views(
-        given.images, given.size, given.resize, given.output, given.fewest, progress
-    )
+    size, resize = given.settings.size, given.settings.resize
+    views = write_views(given.images, size, resize, given.output, given.fewest, progress)
     for view in views:
         if view.unreadable:
             print(f"silmesh: {view.unreadable}; the view is dropped", file=sys.stderr)

@@ -19,6 +19,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+from silmesh.settings.train import Train
 from silmesh.silhouettes.network import (
     MEAN,
     STD,
@@ -43,19 +44,6 @@ TESTS = 64  # composites that each epoch is tested on
 # Parts of the epochs, and of the size, in which they look at photographs: small ones teach most in
 # a second, but only large ones how an edge runs.
 STAGES = ((0.5, 1 / 2), (0.8, 2 / 3), (1.0, 1.0))
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How to train; ``config.Train`` describes the values."""
-
-    model: str
-    epochs: int
-    patience: int
-    batch: int
-    size: int
-    learning_rate: float
-    seed: int
 
 
 @dataclass(frozen=True)
@@ -102,7 +90,7 @@ class Training:
             None to begin with random ones
     """
 
-    def __init__(self, settings: Settings, start: Weights | None):
+    def __init__(self, settings: Train, start: Weights | None):
         self.settings = settings
         torch.manual_seed(settings.seed)
         network = build_network(settings.model, len(CLASSES))
@@ -296,14 +284,14 @@ def _one_cycle(done: float) -> float:
     return 0.5 * (1 + math.cos(math.pi * (done - WARM_UP) / (1 - WARM_UP))) + 1e-3
 
 
-def _size_at(epoch: int, settings: Settings) -> int:
+def _size_at(epoch: int, settings: Train) -> int:
     """Side of an epoch's composites, in pixels."""
     part = next(part for end, part in STAGES if epoch < end * settings.epochs)
     smaller = max(min(settings.size, 64), round(settings.size * part / 16) * 16)
     return smaller if part < 1 else settings.size
 
 
-def _first_of_full_size(settings: Settings) -> int:
+def _first_of_full_size(settings: Train) -> int:
     """The first epoch that looks at photographs as large as the tests', or how many there are.
 
     Of fewer than five epochs none may come so far.

@@ -1,0 +1,92 @@
+"""The fit: what each preset's procedure is told."""
+
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag
+
+from silmesh.settings.section import Betas, NotNegative, Positive, Section, Seed, Truth, whole
+
+Preset = Literal["softras", "fast"]
+SOFTNESS = 0.03  # pixels: the root of sigma where it is `auto`
+
+
+class Weights(Section):
+    """Weights of the smoothness terms, summed over the mesh."""
+
+    laplacian: NotNegative = Field(0.03, description="of the Laplacian term")
+    flatten: NotNegative = Field(0.0003, description="of the flatten term")
+
+
+class FastWeights(Section):
+    """Weights of the smoothness terms, summed over the mesh."""
+
+    laplacian: NotNegative = Field(0.1, description="of the Laplacian term")
+    flatten: NotNegative = Field(0.00005, description="of the flatten term")
+
+
+class _Fit(Section):
+    """What all presets have."""
+
+    preset: Preset = Field(
+        "fast", description="fast: ours; softras: the report's procedure to the letter"
+    )
+    holdout: Literal[0] | whole(
+        2, 10_000
+    ) = Field(0, description="every n-th view is kept out of the fit; 0 for none")
+    seed: Seed = Field(0, description="of random choices; the preset softras makes none")
+    device: Literal["cpu", "cuda", "auto"] = Field(
+        "auto", description="auto takes the GPU if there is one"
+    )
+
+    def sigma_at(self, size: int) -> float:
+        """Softness of the silhouettes in images of ``size`` pixels, in squared half-image units."""
+        return (2 * SOFTNESS / size) ** 2 if self.sigma == "auto" else self.sigma
+
+
+class SoftRasFit(_Fit):
+    """The report's procedure: ``silmesh.fitting.softras``."""
+
+    preset: Preset = Field("softras", description="the report's procedure to the letter")
+    iterations: whole(1, 1_000_000) = Field(2000, description="steps")
+    learning_rate: Positive = Field(0.01, description="Adam's")
+    betas: Betas = Field((0.5, 0.99), description="Adam's")
+    sigma: Positive = Field(
+        1e-4, description="softness of the silhouettes, in squared half-image units"
+    )
+    weights: Weights = Field(Weights(), description="of the smoothness terms")
+
+
+class FastFit(_Fit):
+    """Our procedure: ``silmesh.fitting.fast``."""
+
+    iterations: whole(1, 1_000_000) = Field(600, description="steps at most")
+    learning_rate: Positive = Field(0.5, description="the longest step of a vertex, in pixels")
+    betas: Betas = Field((0.9, 0.999), description="of the vertices' Adam")
+    sigma: Positive | Literal["auto"] = Field(
+        "auto", description="as for softras, of the last steps; auto is 0.03 pixels squared"
+    )
+    weights: FastWeights = Field(FastWeights(), description="of the smoothness terms")
+    smoothing: NotNegative = Field(
+        1.0, description="how far a step spreads over the mesh, in squared edges"
+    )
+    batch: whole(0, 10_000) = Field(12, description="views in a step; 0 for all")
+    coarse_to_fine: Truth = Field(True, description="begin with smaller, softer images")
+    refine_cameras: Truth = Field(True, description="correct the cameras alongside")
+    remesh: Truth = Field(True, description="give the mesh new edges when they are uneven")
+    untangle: Truth = Field(True, description="in the end turn parts that are inside out")
+
+
+FITS = {"softras": SoftRasFit, "fast": FastFit}  # by the preset
+
+
+def _preset_of(fit: Any) -> str:
+    """Which of the models a fit is of; what is no preset is refused by that of the default one."""
+    preset = fit.get("preset") if isinstance(fit, Mapping) else getattr(fit, "preset", None)
+    return preset if isinstance(preset, str) and preset in FITS else "fast"
+
+
+Fit = Annotated[
+    Annotated[SoftRasFit, Tag("softras")] | Annotated[FastFit, Tag("fast")],
+    Discriminator(_preset_of),
+]

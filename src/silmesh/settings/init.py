@@ -1,0 +1,28 @@
+"""The first mesh."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from silmesh.settings.section import Section, whole
+
+
+class Init(Section):
+    """The first mesh."""
+
+    shape: Literal["sphere", "ellipsoid", "cylinder", "cube", "prism", "hull", "auto"] = Field(
+        "sphere", description="the first mesh; auto tries all but the sphere"
+    )
+    vertices: whole(12, 200_000) | Literal["auto"] = Field(
+        "auto",
+        description="642, 1352 and 1922 are the report's spheres of 600, 1,300 and 1,900 polygons; "
+        "any other number gives an even sphere; auto counts by the silhouettes",
+    )
+    align: Literal["none", "bbox"] = Field(
+        "bbox",
+        description="bbox puts it where the silhouettes are: the sphere by the report's scale and "
+        "shift to the first, others in all of them",
+    )
+    genus: Literal["keep", "sphere"] = Field(
+        "keep", description="whether hull and prism keep their tunnels or have them closed"
+    )

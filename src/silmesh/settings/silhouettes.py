@@ -1,0 +1,77 @@
+"""Where silhouettes come from, and the settings of the sources that are networks."""
+
+import re
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, StringConstraints
+
+from silmesh.settings.section import Pixels, Section
+
+SilhouetteSource = Literal["mask", "alpha", "threshold", "deeplab", "matting"]
+Network = Literal["mobilenet_v3_large", "resnet50", "resnet101"]
+WeightsSource = Annotated[
+    str,
+    StringConstraints(pattern=r"^[^\s{}]([^{}]*[^\s{}])?$"),
+    "torchvision's name of weights, as DEFAULT, or the path of a file",
+]
+ForegroundModel = Annotated[
+    str,
+    StringConstraints(pattern=r"^[^\s{}]([^{}]*[^\s{}])?$"),
+    "'isnet', 'isnet-small' or the path of an ONNX file",
+]
+FOREGROUND_MODELS = ("isnet", "isnet-small")  # whose weights can be fetched
+WEIGHTS = Path("resources/weights")  # links to those that were fetched into the user's cache
+
+
+class DeepLab(Section):
+    """Silhouettes from DeepLabv3."""
+
+    model: Network = Field("mobilenet_v3_large", description="torchvision's name of the backbone")
+    weights: WeightsSource = Field(
+        "DEFAULT",
+        description="torchvision's name of weights, downloaded when first used, or a file, for "
+        "example one that `bin/run train` made; relative to the working directory",
+    )
+    classes: Literal["any", "dominant"] = Field(
+        "any",
+        description="which classes are the object: any but the background (the report's), or the "
+        "one that covers most of all views together",
+    )
+    size: Pixels | Literal["auto"] = Field(
+        "auto",
+        description="longer side of what the network sees of a photograph, in pixels; auto is what "
+        "the weights were made for: 520 for torchvision's",
+    )
+
+    @property
+    def weights_file(self) -> Path | None:
+        """The file of the weights, if they are not torchvision's."""
+        return weights_file(self.weights)
+
+
+class Matting(Section):
+    """Silhouettes by a foreground model."""
+
+    model: ForegroundModel = Field(
+        "isnet",
+        description="isnet, isnet-small, or an ONNX file, relative to the working directory",
+    )
+
+    @property
+    def weights_file(self) -> Path:
+        """The file of the weights: a link to those that are fetched, or one of a person's."""
+        known = self.model in FOREGROUND_MODELS
+        return WEIGHTS / f"{self.model}.onnx" if known else Path(self.model)
+
+
+class Networks(Section):
+    """The sources of silhouettes that have settings, by the sources' names."""
+
+    deeplab: DeepLab = Field(DeepLab(), description="silhouettes from DeepLabv3")
+    matting: Matting = Field(Matting(), description="silhouettes by a foreground model")
+
+
+def weights_file(weights: str) -> Path | None:
+    """The file that weights are read from; None if torchvision has them under this name."""
+    return None if re.fullmatch("[A-Z0-9_]+", weights) else Path(weights)
