@@ -240,36 +240,36 @@ def made(tmp_path_factory) -> Made:
     return Made(tmp_path_factory.mktemp("made"))
 
 
-FIT = "--preset softras --iterations 2 --learning-rate 0.01 --betas 0.5 0.99 --sigma 1e-4"
+FIT = '--settings {"preset":"softras","iterations":2,"device":"cpu"}'
 COMMANDS = {
     "export_cameras": "--cameras cameras.json --format colmap --output model",
     "truth": "--mesh mesh.off --output truth.ply",
-    "views": f"--images photographs/* --size {SIZE} --resize pad --output views",
+    "views": f'--images photographs/* --settings {{"size":{SIZE}}} --output views',
     "silhouettes": "--views views --source mask --masks masks/* --output silhouettes",
     "cameras": "--views views --turntable 2.732 15 60 --output attempt",
     "calibrate": "--views views --silhouettes silhouettes --step 60 --threads 1 --output turning",
     "scene": "--views views --silhouettes silhouettes --cameras attempt --output scene",
-    "judge": "--scene scene --policy keep --threads 1 --output judged",
-    "first": "--scene judged --shape sphere --vertices 60 --align none --output first.ply"
+    "judge": '--scene scene --settings {"policy":"keep"} --threads 1 --output judged',
+    "first": '--scene judged --settings {"vertices":60,"align":"none"} --output first.ply'
     " --report init.json",
-    "fit": f"--first first.ply --scene judged {FIT} --laplacian 0.03 --flatten 0.0003 --device cpu"
+    "fit": f"--first first.ply --scene judged {FIT}"
     " --threads 1 --checkpoint state.pt --meshes mesh.ply --cameras fitted.json --loss loss.csv",
     "colour": "--mesh mesh.ply --cameras fitted.json --scene judged --meshes mesh.obj mesh.glb",
     "evaluate": "--mesh mesh.ply --cameras fitted.json --loss loss.csv --scene judged --first"
-    " init.json --sigma 1e-4 --threads 1 --results . --output metrics.json",
+    f" init.json {FIT} --threads 1 --results . --output metrics.json",
     "rings": "--scene judged --threads 1 --output rings.png",
     "gallery": "--views views --scene scene --judged judged --sheet sheet.png --output page.json",
-    "picture": "--mesh mesh.obj --first first.ply --cameras fitted.json --scene judged --sigma 1e-4"
-    " --output picture.png --gif turn.gif --mp4 turn.mp4 --exhibit exhibit.json",
+    "picture": "--mesh mesh.obj --first first.ply --cameras fitted.json --scene judged"
+    f" {FIT} --output picture.png --gif turn.gif --mp4 turn.mp4 --exhibit exhibit.json",
     "figure": "--object cup --losses loss.csv --meshes mesh.ply --cameras fitted.json --scenes"
     " judged --variants a --order a --outputs figure.svg figure.png",
     "synthetic": "apricot --images made/images --masks made/masks --truth made.ply --views 2",
-    "colmap_features": "--images photographs/* --features 100 --output features",
-    "colmap_matches": "--features features --matching exhaustive --output matches",
-    "colmap_map": "--matches matches --mapping incremental --output model_stage",
+    "colmap_features": '--images photographs/* --settings {"features":100} --output features',
+    "colmap_matches": "--features features --output matches",
+    "colmap_map": "--matches matches --output model_stage",
     "colmap": "--model model_stage --views views --silhouettes silhouettes --output by_colmap",
-    "colmap_masked": "--features features --views views --silhouettes silhouettes --matching"
-    " exhaustive --mapping incremental --threads 1 --output by_colmap_masked",
+    "colmap_masked": "--features features --views views --silhouettes silhouettes"
+    " --threads 1 --output by_colmap_masked",
 }
 SLOW = {"calibrate", "picture", "rings", "figure", "synthetic"}
 SLOW |= {step for step in COMMANDS if step.startswith("colmap")}

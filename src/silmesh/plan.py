@@ -46,7 +46,6 @@ COLMAP = {  # the attempts of COLMAP's, by whether it masks
     "silhouettes": ("colmap_masked",),
     "auto": ("colmap", "colmap_fallback"),
 }
-TUNNELLED = {"prism", "hull", "auto"}  # first meshes that can have tunnels
 FOLDERS = {  # of an object's stages
     "views": "views",
     "silhouettes": "silhouettes",
@@ -166,13 +165,8 @@ class Run:
 
     @property
     def first_key(self) -> str:
-        """Names the first mesh.
-
-        Only carved ones have tunnels to keep or to close.
-        """
-        init = self.settings.init
-        closed = "-closed" if init.genus == "sphere" and init.shape in TUNNELLED else ""
-        return f"{self.judged_key}-{init.shape}-{init.vertices}-{init.align}{closed}"
+        """Names the first mesh."""
+        return f"{self.judged_key}-{self.settings.init.key}"
 
     @property
     def policy(self) -> str:

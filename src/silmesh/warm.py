@@ -30,7 +30,15 @@ from pathlib import Path
 
 from silmesh.lock import join_run
 
-FIRST = ("torch", "numba", "scipy.optimize", "scipy.ndimage", "scipy.sparse.linalg", "trimesh")
+FIRST = (
+    "pydantic",
+    "torch",
+    "numba",
+    "scipy.optimize",
+    "scipy.ndimage",
+    "scipy.sparse.linalg",
+    "trimesh",
+)
 THEN = ("skimage.measure", "scipy.stats", "matplotlib.figure", "pandas")  # while nobody asks
 NAME = "SILMESH_WARM"  # the variable that says what it answers to
 ALONE = {"OPENBLAS_NUM_THREADS": "1"}  # counts as it is loaded, and the last bits hang on it

@@ -8,9 +8,30 @@ from silmesh.report.parts import PARTS
 REPORT_PLAN = "results/report/plan.json"
 
 
-def code_digest(module):
-    """The digest of a step's code, as a parameter that is only worked out for jobs in sight."""
-    return lambda wildcards: digest_code(module)
+def code_digest(*modules):
+    """The digest of a step's code, as a parameter that is only worked out for jobs in sight.
+
+    A module that a step loads by its name is not found in its code: a function of the wildcards
+    names it, or gives None.
+    """
+
+    def digest(wildcards):
+        named = [m(wildcards) if callable(m) else m for m in modules]
+        return "-".join(digest_code(name) for name in named if name)
+
+    return digest
+
+
+def network_module(wildcards):
+    """The module of the network that silhouettes come from, if they do."""
+    run = with_silhouettes(wildcards)
+    return f"silmesh.silhouettes.{run.silhouettes}" if run.network else None
+
+
+def preset_module(wildcards):
+    """The module of a fit's procedure."""
+    fit = plan.run(wildcards.object, wildcards.variant).settings.fit
+    return f"silmesh.fitting.{fit.preset}"
 
 
 # What a person gave is no input to Snakemake, which compares only ages: a photograph may be replaced

@@ -18,7 +18,7 @@ rule fit:
     params:
         settings=fit_settings,
         checkpoint="results/{object}/{variant}/.checkpoint.pt",
-        code=code_digest("silmesh.steps.fit"),
+        code=code_digest("silmesh.steps.fit", preset_module),
     message:
         "{wildcards.object}/{wildcards.variant}: fitting"
     shell:

@@ -41,7 +41,7 @@ rule silhouettes:
         settings=silhouettes_settings,
         source=lambda w: with_silhouettes(w).silhouettes,
         spare=spare,
-        code=code_digest("silmesh.steps.silhouettes"),
+        code=code_digest("silmesh.steps.silhouettes", network_module),
     message:
         "{wildcards.object}: finding silhouettes by {wildcards.source}"
     shell:

@@ -214,3 +214,6 @@ class Fast:
         with torch.no_grad():
             self._corrections.copy_(state["corrections"])
         self._adam.restore(state["adam"])
+
+
+PROCEDURE = Fast

@@ -12,16 +12,13 @@ from torch import Tensor
 from silmesh.cameras.camera import Cameras
 from silmesh.errors import InputError
 from silmesh.fitting.checkpoint import Checkpoint
-from silmesh.fitting.fast import Fast
 from silmesh.fitting.loop import Record
 from silmesh.fitting.loop import run as run_fit
-from silmesh.fitting.softras import SoftRas
+from silmesh.fitting.presets import find_procedure
 from silmesh.meshes import to_tensors
 from silmesh.scene import Scene
 from silmesh.settings.fit import Fit
 from silmesh.views import held_out
-
-PROCEDURES = {"softras": SoftRas, "fast": Fast}
 
 
 @dataclass(frozen=True)
@@ -72,7 +69,7 @@ def fit_mesh(
     weights = _weights([counts[i] for i in kept], device)
     parts = template, faces, cameras.select(kept), seen, settings, weights
     checkpoint = go_on(parts) if go_on else None
-    fit = PROCEDURES[settings.preset](*parts)
+    fit = find_procedure(settings.preset)(*parts)
     records = run_fit(fit, watch, checkpoint)
     back = scene.similarity.inverse
     fitted = to_mesh(back.apply(fit.verts.double()), fit.faces)

@@ -97,3 +97,6 @@ class SoftRas:
             for name, parameter in self._shape.named_parameters():
                 parameter.copy_(state["shape"][name])
         self._adam.restore(state["adam"])
+
+
+PROCEDURE = SoftRas

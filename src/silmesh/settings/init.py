@@ -6,6 +6,8 @@ from pydantic import Field
 
 from silmesh.settings.section import Section, whole
 
+TUNNELLED = {"prism", "hull", "auto"}  # shapes that can have tunnels to keep or to close
+
 
 class Init(Section):
     """The first mesh."""
@@ -26,3 +28,9 @@ class Init(Section):
     genus: Literal["keep", "sphere"] = Field(
         "keep", description="whether hull and prism keep their tunnels or have them closed"
     )
+
+    @property
+    def key(self) -> str:
+        """Names a first mesh of given silhouettes and cameras."""
+        closed = "-closed" if self.genus == "sphere" and self.shape in TUNNELLED else ""
+        return f"{self.shape}-{self.vertices}-{self.align}{closed}"

@@ -3,7 +3,7 @@
 Their surfaces are drawn from a sampled field, in one piece, and given even triangles.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -231,3 +231,10 @@ def _close_tunnels(hull: Hull, radii: Sequence[float]) -> Hull:
         if _largest(closed)[0].euler_number == 2:
             break
     return closed
+
+
+# By the names of their shapes; each takes silhouettes, cameras, a count of vertices and a genus.
+CARVED: dict[str, Callable[[np.ndarray, Cameras, int, str], Carved]] = {
+    "prism": prism_mesh,
+    "hull": hull_mesh,
+}

@@ -1,6 +1,6 @@
 """The first mesh that a configuration names, and what a person should know of it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -11,17 +11,13 @@ from silmesh.cameras.camera import FIRST_SCALE, Cameras
 from silmesh.hull import is_cut
 from silmesh.progress import Share, untold
 from silmesh.settings.init import Init
-from silmesh.shapes.carved import Carved, EmptyHull, hull_mesh, prism_mesh
+from silmesh.shapes.carved import CARVED, EmptyHull
 from silmesh.shapes.choose import VERTICES, Score, Trial, score_meshes, share
 from silmesh.shapes.looks import crop
 from silmesh.shapes.place import align_to_box, choose_count, choose_report_count, to_unit
 from silmesh.shapes.primitives import PRIMITIVES, placed_primitive, plain_primitive
 from silmesh.shapes.sphere import unit_sphere
 
-CARVED: dict[str, Callable[[np.ndarray, Cameras, int, str], Carved]] = {
-    "prism": prism_mesh,
-    "hull": hull_mesh,
-}
 PLACED = (*PRIMITIVES, *CARVED)  # in the world, by all views; what `auto` chooses of
 SHAPES = ("sphere", *PLACED, "auto")
 FALLBACK = "ellipsoid"

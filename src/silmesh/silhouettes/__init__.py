@@ -11,6 +11,7 @@ only when it is asked for. On disk a silhouette is what the report defines: RGBA
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from PIL import Image
 
 from silmesh.errors import InputError
 from silmesh.files import making
+from silmesh.settings.silhouettes import Networks
 from silmesh.silhouettes import alpha, mask
 from silmesh.views import ImageFolder, View
 
@@ -31,7 +33,7 @@ def _find_by_threshold(image: Image.Image, view: View, file: Path | None) -> np.
 
 
 SOURCES = {"mask": mask.find, "alpha": alpha.find, "threshold": _find_by_threshold}
-NETWORKS = ("deeplab", "matting")
+NETWORKS = tuple(Networks.model_fields)  # each the module of its name, with `find_all`
 GIVEN = ("mask", "alpha")  # sources that a person made
 GREY = 124
 LOST = "lost.json"  # which silhouettes are empty because something could not be read, if any are
@@ -160,14 +162,9 @@ def _find_each(
 ) -> Iterator[np.ndarray | InputError]:
     """The silhouette of each view in turn, or why there is none."""
     readable = [view for view in views if not view.unreadable]
-    if source == "deeplab":
-        from silmesh.silhouettes import deeplab  # torch and torchvision take seconds to import
-
-        found = deeplab.find_all(readable, settings, threads)
-    elif source == "matting":
-        from silmesh.silhouettes import matting
-
-        found = matting.find_all(readable, settings, threads)
+    if source in NETWORKS:  # torch and torchvision take seconds to import
+        network = import_module(f"silmesh.silhouettes.{source}")
+        found = network.find_all(readable, settings, threads)
     else:
         pairs = zip(views, files, strict=True)
         found = (_find(source, view, images, f) for view, f in pairs if not view.unreadable)
