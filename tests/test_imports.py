@@ -15,7 +15,7 @@ import pytest
 
 from silmesh.provenance import SOURCE
 
-BASE = {"errors", "files", "naming", "progress", "reading", "settings"}
+BASE = {"errors", "files", "naming", "own_code", "progress", "reading", "settings"}
 GROUND = {"cameras.camera", "cameras.lens", "softras", "hull", "remesh", "straighten", "series"}
 ON = {  # what a module of it stands on
     "cameras.camera": {"cameras.lens"},

@@ -31,6 +31,7 @@ from silmesh.intake.photographs import (
     is_video,
 )
 from silmesh.intake.sources import COHERENT, choose_cameras, choose_silhouettes, look
+from silmesh.settings.section import own_file
 from silmesh.silhouettes.weights import CACHE
 
 VIDEO = "video"  # folder of what a video is cut into; no masks lie beside it
@@ -260,13 +261,13 @@ def _configure(
     kind, _, path = cameras.partition(":")
     where = f"{kind}:{usable(Path(path).absolute())}" if path else cameras
     variant = kind if kind.isidentifier() else "mesh"
+    # The workflow runs in another folder.
+    init = str(Path(options["init"]).absolute()) if own_file(options["init"]) else options["init"]
     row = {"silhouettes": silhouettes, "cameras": where, "turntable": options["turntable"]}
     values = {
         "views": {"size": options["size"]},
         "quality": {"policy": options["quality"]},
-        "variants": {
-            variant: {"init": {"shape": options["init"]}, "fit": {"preset": options["preset"]}}
-        },
+        "variants": {variant: {"init": {"shape": init}, "fit": {"preset": options["preset"]}}},
     }
     return variant, row, values
 
