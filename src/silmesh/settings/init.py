@@ -7,6 +7,7 @@ from pydantic import Field
 
 from silmesh.settings.section import OwnCode, Section, own_file, whole
 
+Shape = Literal["sphere", "ellipsoid", "cylinder", "cube", "prism", "hull", "auto"]
 TUNNELLED = {"prism", "hull", "auto"}  # shapes that can have tunnels to keep or to close
 
 
