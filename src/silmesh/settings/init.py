@@ -14,12 +14,10 @@ TUNNELLED = {"prism", "hull", "auto"}  # shapes that can have tunnels to keep or
 class Init(Section):
     """The first mesh."""
 
-    shape: Literal["sphere", "ellipsoid", "cylinder", "cube", "prism", "hull", "auto"] | OwnCode = (
-        Field(
-            "sphere",
-            description="the first mesh; auto tries all but the sphere; a function of your own is "
-            "called with silhouettes, cameras and the number of vertices",
-        )
+    shape: Shape | OwnCode = Field(
+        "sphere",
+        description="the first mesh; auto tries all but the sphere; a function of your own is "
+        "called with silhouettes, cameras and the number of vertices",
     )
     vertices: whole(12, 200_000) | Literal["auto"] = Field(
         "auto",
