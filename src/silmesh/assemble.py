@@ -64,20 +64,15 @@ def build_scene(
     taken, why = choose(attempts, stood)
     attempt, best = attempts[taken], stood[taken]
     seen = best.straightened.silhouettes(silhouettes_of(best.cameras.views))
-    frames = _frames(best, views)
     told = {
-        "undistorted": len(best.straightened.sources),
-        "displacement": best.straightened.displacement,
-        **_tell_cameras(attempt, why),
+        **_tell_cameras(attempt, best, why),
         "doubtful": _name_doubtful(best, seen),
         "warnings": list(attempt.warnings),
         "figures": dict(attempt.figures),
         "mirrored": attempt.mirrored,
         "measured": diagnose(silhouettes, views, coherent=best.mean >= COHERENT),
         "lost": dict(lost or {}),
-        "unreadable": [view.view for view in views if view.unreadable],
-        "frame": _around(frames.values()),
-        "frames": frames,
+        **_tell_views(best, views),
         "attempts": [
             {"source": a.source, "came_to": refused_or(a, p), "warnings": list(a.warnings)}
             for a, p in placed
@@ -111,11 +106,24 @@ def _place(
         return replace(attempt, refusal=str(error)), None
 
 
-def _tell_cameras(attempt: Attempt, why: str) -> dict[str, Any]:
+def _tell_cameras(attempt: Attempt, best: Placed, why: str) -> dict[str, Any]:
+    """What ``scene.json`` says of the cameras that are taken."""
     return {
+        "undistorted": len(best.straightened.sources),
+        "displacement": best.straightened.displacement,
         "cameras": attempt.source,
         "cameras_because": why,
         "dropped": dict(attempt.dropped),
+    }
+
+
+def _tell_views(best: Placed, views: Sequence[View]) -> dict[str, Any]:
+    """What it says of photographs, and where they lie in their working images."""
+    frames = _frames(best, views)
+    return {
+        "unreadable": [view.view for view in views if view.unreadable],
+        "frame": _around(frames.values()),
+        "frames": frames,
     }
 
 
