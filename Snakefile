@@ -15,7 +15,7 @@ from silmesh.provenance import code_digest as digest_code
 from silmesh.provenance import file_digest, read_digest
 from silmesh.settings.cameras import Features, Matches, Reconstruction
 from silmesh.settings.fit import SoftRasFit
-from silmesh.settings.silhouettes import WEIGHTS
+from silmesh.settings.silhouettes import FOREGROUND_MODELS, WEIGHTS
 from silmesh.settings.train import TRAINED
 from silmesh.synthetic.layout import is_promised, photograph_names, promised_files
 from silmesh.warm import start

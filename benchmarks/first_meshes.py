@@ -1,7 +1,7 @@
 """First meshes by shape and object: losses of the preset softras, and 3D: JSON, table and figure.
 
 python benchmarks/first_meshes.py bottle=results/bottle/stages/scenes/256-pad-mask-turntable \
-    --truth bottle=results/bottle/stages/truth.ply --table --figure docs/first-meshes.png
+    --truth bottle=results/bottle/stages/truth.ply --table --figure docs/initial-meshes.png
 
 What was measured is kept in a folder, and only what is not there is measured.
 """

@@ -408,3 +408,8 @@ def test_a_glob_that_is_none(table, pattern):
 
 def test_a_cell_of_too_many_letters(table):
     assert "field larger than field limit" in refusal(table, HEADER + line(object="a" * 200_000))
+
+
+def test_a_table_whose_name_the_locale_cannot_hold(tmp_path):
+    with pytest.raises(InputError, match="cannot be read as a tab-separated table: 'utf-8' codec"):
+        read_datasets(tmp_path / "d\ud800.tsv")

@@ -1,5 +1,7 @@
 """What is measured of photographs that make no mesh, each cause by its own sentence."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from PIL import Image
@@ -89,6 +91,8 @@ def test_pieces_emptiness_and_size():
     assert said[0].startswith("no object is found in 1 of 12 photographs (IMG_11)")
     assert said[1].startswith("the silhouettes of 4 of 11 photographs come in several pieces, 2 in")
     assert len(said) == 2
+    unread = [*views(11), replace(views(12)[11], unreadable="it is truncated")]
+    assert len(diagnose(seen, unread)) == 1  # of that another line tells
     tiny = np.zeros_like(seen)
     tiny[:, 20:23, 20:23] = True
     assert diagnose(tiny, views(12))[0].startswith("the object covers 0.39% of half of the")

@@ -62,6 +62,7 @@ def test_a_gpu_that_is_not_there(refused, preset):
         ("", "lacks object, variant, iteration, loss"),
         ("object;variant;iteration;loss\n", "Found: object;variant;iteration;loss"),
         (CURVES + "cup,a,1,low\n", "line 3: loss: should be a number, not 'low'"),
+        (CURVES + "cup,a,1,nan\n", "line 3: loss: should be a number, not 'nan'"),
         (CURVES + "cup,a\n", "line 3: iteration: should be a number, not None"),
     ],
 )

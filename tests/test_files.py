@@ -234,13 +234,12 @@ def test_an_exception_leaves_the_old_output_and_nothing_else(tmp_path, kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_part_that_a_kill_left_is_removed_first(tmp_path, kind):
-    path = tmp_path / "out"
-    fill(tmp_path / ".part-out", kind, "left over")
-    with replacing(path) as part:
-        assert not part.exists()
+def test_what_only_looks_like_a_part_is_a_persons(tmp_path, kind):
+    theirs = tmp_path / ".part-out"
+    fill(theirs, kind, "a person's")
+    with replacing(tmp_path / "out") as part:
         part.write_text("whole")
-    assert list(tmp_path.iterdir()) == [path]
+    assert content(theirs) == "a person's"
 
 
 WRITE = """
@@ -251,6 +250,28 @@ with replacing(sys.argv[1]) as part:
     print(part, flush=True)
     time.sleep(600)
 """
+
+
+WRITE_FOLDER = """
+import sys, time
+from silmesh.files import making
+with making(sys.argv[1]) as part:
+    (part / "half").write_text("half")
+    print(part, flush=True)
+    time.sleep(600)
+"""
+
+
+def test_a_folder_that_a_kill_left_half_made_is_removed_first(tmp_path):
+    path = tmp_path / "out"
+    command, pipe = [sys.executable, "-c", WRITE_FOLDER, str(path)], subprocess.PIPE
+    with subprocess.Popen(command, stdout=pipe, text=True) as other:
+        half = Path(other.stdout.readline().strip())
+        other.kill()
+    assert half.is_dir()
+    with making(path) as part:
+        (part / "all").write_text("whole")
+    assert list(tmp_path.iterdir()) == [path]
 
 
 def test_a_part_of_a_process_that_lives_stays_and_goes_when_it_is_killed(tmp_path):
@@ -284,3 +305,19 @@ def test_only_a_file_is_removed(tmp_path):
         remove(tmp_path / "out")
     assert content(tmp_path / "out") == "a person's"
     remove(tmp_path / "nothing")
+
+
+@pytest.mark.parametrize("path", [".", "new/.."])
+@pytest.mark.parametrize("act", [try_file, try_folder, *KINDS])
+def test_a_path_that_ends_in_no_name_is_refused(tmp_path, monkeypatch, path, act):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=r"should end in a name|is a folder"):
+        make(Path(path), act, "new") if act in KINDS else act(Path(path))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_parent_that_is_not_there_is_called_no_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=r"^new/\.\./mesh\.ply: cannot be written: new/\.\.: "):
+        try_file(Path("new/../mesh.ply"))
+    assert not list(tmp_path.iterdir())

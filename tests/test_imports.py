@@ -44,7 +44,7 @@ BESIDES = {
     "synthetic": {"cameras.turntable"},
     "scene": {"silhouettes", "views"},
     "judging": {"evaluation", "scene"},
-    "intake": {"views", "cameras.locate", "silhouettes.threshold"},
+    "intake": {"views", "cameras.locate", "feasible", "silhouettes.threshold"},
     "assemble": {"views", "cameras.attempt", "scene", "agreement", "conventions", "diagnosis"},
     "fitting": {"meshes", "scene", "views"},
     "metrics": {"evaluation", "meshes", "quality", "scene", "views", "alignment", "comparison"},

@@ -287,3 +287,12 @@ def test_what_is_not_planned_is_not_found(plan):
 def test_estimated_cameras_have_a_frame_of_their_own(plan, cameras, estimated):
     found = plan("a: {}", f"cup\tphotos\tmasks\tmask\t{cameras}\t2.7,0,5\t")
     assert found.run("cup", "a").estimates_cameras == estimated
+
+
+def test_wildcards_match_just_what_the_stages_are_called(plan):
+    found = plan("a: {}, b: {views: {size: 64}, cameras: colmap}").constraints()
+    assert found["views"] == r"256\-pad|64\-pad"
+    assert found["cameras"] == "turntable"
+    assert re.fullmatch(found["masks"], "fallback")
+    assert not re.fullmatch(found["calibration"], "calibrate")
+    assert not re.fullmatch(found["scene"], "64-pad-mask-turntable")

@@ -33,6 +33,7 @@ def test_a_configuration_is_read(tmp_path, mark):
     [
         (GOOD + "  a: {fit: {preset: softras}}\n", "line 6: 'a' is also on line 4; each name"),
         (GOOD + "views: {size: 32}\n", "line 6: 'views' is also on line 2"),
+        ("variants: {a: {}, b: {}, a: {}}\n", "line 1: 'a' is also on line 1"),
         ('{"a": 1, "b": {"c": 1, "c": 2}}', "key 'c' comes twice"),
         (BOMB, r"has 490,\d+,\d+ values, those counted that its aliases repeat"),
         ("a: &a [*a]\n", "line 1: an alias holds itself"),
@@ -46,6 +47,7 @@ def test_a_configuration_is_read(tmp_path, mark):
         ("a: !!python/object/apply:os.getcwd []\n", "could not determine a constructor"),
         ("__use_yte__: true\na: ?open('x', 'w')\n", "__use_yte__: would run code that the file"),
         (b"a: b\0c\n", "cannot be read as YAML"),
+        ("a: 1\nb: {c: 1, d: 2, c: 3}\n", "line 2: 'c' is also on line 2; each name comes once"),
         ("a: " + "x" * 300_000, "has 300,003 bytes; a configuration has at most 262,144"),
     ],
 )

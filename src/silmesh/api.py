@@ -55,6 +55,7 @@ from silmesh.settings.views import Views
 from silmesh.shapes.first import First, first_mesh
 from silmesh.silhouettes import Found
 from silmesh.silhouettes import find_silhouettes as find_each
+from silmesh.silhouettes.mask import refuse_labels
 from silmesh.views import View, in_order, make_views, stack_pictures
 
 Paths = str | Path | Sequence[str | Path]
@@ -70,6 +71,7 @@ SECTIONS = {  # of the configuration
 }
 SOURCES = ("turntable", "calibrate", "colmap", "auto")  # of cameras, beside files
 OWN = "the cameras given"  # what messages call cameras that come of no file
+WRITTEN = (".glb", ".obj", ".ply", ".stl")  # formats of meshes
 HULL = "hull"  # the initial mesh, unless another is asked for
 
 
@@ -128,7 +130,13 @@ class Reconstruction:
     scene: Scene
 
     def save(self, path: str | Path) -> None:
-        """Write the mesh as the workflow does, ``.glb`` or ``.obj`` with colours."""
+        """Write the mesh as the workflow does, ``.glb`` or ``.obj``, or as ``.ply`` or ``.stl``.
+
+        Raises:
+            InputError: the ending names none of these formats
+        """
+        if Path(path).suffix.lower() not in WRITTEN:
+            raise InputError(f"{path}: should end in {', '.join(WRITTEN)}, which names the format")
         colours = np.asarray(self.mesh.visual.vertex_colors)[:, :3]
         write_coloured([Path(path)], self.mesh, colours)
 
@@ -427,9 +435,11 @@ class _Seen:
         wanted = source in (None, "mask")
         self.masks, self.notes = _find_masks(files, masks) if wanted else ([], [])
         where = str(files[0].parent)
-        self.source = source or choose_silhouettes(look(files), bool(self.masks), where)[0]
+        self.source = source or choose_silhouettes(look(files), self.masks, where)[0]
         if self.source == "mask" and not self.masks:
             raise InputError("masks: none are given, and none are found beside the photographs")
+        if self.source == "mask":
+            refuse_labels(self.masks)
 
 
 def _find_masks(files: Sequence[Path], masks: Paths | None) -> tuple[list[Path], list[str]]:

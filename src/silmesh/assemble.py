@@ -1,5 +1,6 @@
 """A scene from attempts at cameras: undistort, take the most coherent, normalise the world."""
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -137,10 +138,15 @@ def _explain(attempts: Sequence[Attempt], findings: Sequence[str]) -> str:
     refusals = [str(attempt.refusal) for attempt in attempts]
     for advice in idle:
         refusals = [refusal.replace(advice, "") for refusal in refusals]
-    refusals = list(dict.fromkeys(refusals))
-    several = ["no source of cameras came to any:"] if len(refusals) > 1 else []
+    refusals = _drop_alike(refusals)
+    several = ["no cameras were found:"] if len(refusals) > 1 else []
     measured = [f"{MEASURED}{finding}" for finding in findings]
     return "\n  ".join([*several, *refusals, *measured])
+
+
+def _drop_alike(refusals: Sequence[str]) -> list[str]:
+    """Those that differ in more than their figures, as COLMAP's with and without masks may not."""
+    return list({re.sub(r"\d+", "", refusal): refusal for refusal in refusals}.values())
 
 
 def _frames(best: Placed, views: Sequence[View]) -> dict[str, list[int]]:

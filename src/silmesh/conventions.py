@@ -25,9 +25,9 @@ from silmesh.cameras.attempt import (
     WORLD_TO_CAMERA,
     Attempt,
 )
-from silmesh.cameras.camera import Cameras
+from silmesh.cameras.camera import OPENGL, Cameras
 from silmesh.errors import InputError
-from silmesh.scene import NAMED, find_middles, find_object
+from silmesh.scene import find_middles, find_object
 from silmesh.straighten import straighten
 
 FITS = 0.8  # hull IoU from which another convention is named
@@ -37,7 +37,7 @@ RESOLUTION = 48  # of their hulls
 APART = 0.5  # of half a silhouette's box: how far rays may pass the point where they should meet
 MOST = 32  # conventions whose hulls are carved, those first that are the most usual
 
-OPENCV, OPENGL = np.diag([1.0, 1, 1]), np.diag([1.0, -1, -1])  # from a camera's own axes to ours
+OPENCV = np.eye(3)  # a camera's own axes are ours
 NAMES = {tuple(OPENCV.ravel()): "OpenCV's axes", tuple(OPENGL.ravel()): "OpenGL's axes"}
 DIRECTIONS = (("right", "left"), ("down", "up"), ("forward", "back"))
 USUAL = (OPENCV, OPENGL, np.diag([-1.0, -1, 1]), np.diag([1.0, -1, 1]))
@@ -188,10 +188,6 @@ def _say_none(attempt: Attempt, found: Reading | None, agreed: float) -> str:
 
 def _file(attempt: Attempt) -> str:
     return str(attempt.figures.get("file", attempt.source))
-
-
-def _some(names: list[str]) -> str:
-    return ", ".join(names[:NAMED]) + ", ..." * (len(names) > NAMED)
 
 
 def _find_fitting(

@@ -101,7 +101,7 @@ def _read_rows(table: Path) -> list[tuple[int, dict[str, str]]]:
             lines = list(csv.reader(file, delimiter="\t"))
     except UnicodeDecodeError as error:
         raise InputError(f"{table}: is not in UTF-8; should be saved as that: {error}") from error
-    except (OSError, csv.Error) as error:
+    except (OSError, ValueError, csv.Error) as error:  # as of a name that no locale can hold
         why = getattr(error, "strerror", None) or error  # the path is said already
         raise InputError(f"{table}: cannot be read as a tab-separated table: {why}") from error
     header = [name.strip() for name in lines[0]] if lines else []

@@ -11,9 +11,9 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from PIL import Image
 from scipy import ndimage
 
+from silmesh.errors import name_some
 from silmesh.series import (
     LEAST,
     Series,
@@ -24,10 +24,10 @@ from silmesh.series import (
     is_shuffled,
     prepare,
 )
-from silmesh.views import View
+from silmesh.views import View, open_image
 
 MEASURED = "measured: "  # begins the line of a finding
-NAMED = 3  # photographs of a finding
+GAPS = 3  # that are said
 LOOKED_AT, LISTED = 8, 6  # masks, spread over all; values that are listed
 PIECE = 0.02  # of a silhouette's area, from which a part of it is a piece
 SMALL = 0.005  # of the photograph, below which an object is small in it
@@ -51,7 +51,7 @@ def diagnose(silhouettes: np.ndarray, views: Sequence[View], coherent: bool = Fa
         return describe_cut(silhouettes, views) if len(cut) >= MANY * len(views) else []
     shown = np.flatnonzero(silhouettes.any(axis=(1, 2)))
     seen, named = silhouettes[shown], [views[i] for i in shown]
-    shapes = describe_shapes(views)
+    shapes = _describe_shapes(views)
     found = [*shapes, *describe_cut(silhouettes, views), *_describe_empty(silhouettes, views)]
     if len(shown) < LEAST:
         return found
@@ -62,7 +62,7 @@ def diagnose(silhouettes: np.ndarray, views: Sequence[View], coherent: bool = Fa
     return found + _describe_order(seen, named)
 
 
-def describe_shapes(views: Sequence[View]) -> list[str]:
+def _describe_shapes(views: Sequence[View]) -> list[str]:
     """That the photographs are of several shapes, if they are."""
     shapes = Counter((view.width, view.height) for view in views if not view.unreadable)
     if len(shapes) < 2:
@@ -76,10 +76,9 @@ def describe_shapes(views: Sequence[View]) -> list[str]:
             f"{len(lying)} are lying ({_size(lying[0])}): if the camera was not turned, the "
             f"orientation in their EXIF data was lost; turn {_name(fewer)}"
         ]
-    said = ", ".join(f"{count} of {w}x{h}" for (w, h), count in shapes.most_common(NAMED))
-    more = f" and {len(shapes) - NAMED} other sizes" if len(shapes) > NAMED else ""
+    said = name_some([f"{count} of {w}x{h}" for (w, h), count in shapes.most_common()])
     return [
-        f"the photographs differ in size ({said}{more}): if some were cropped or zoomed, give "
+        f"the photographs differ in size ({said}): if some were cropped or zoomed, give "
         "those that were not, all of one size"
     ]
 
@@ -102,9 +101,9 @@ def describe_masks(files: Sequence[Path]) -> list[str]:
     values: set[int] = set()
     for i in np.unique(np.linspace(0, len(files) - 1, min(LOOKED_AT, len(files))).round()):
         try:
-            with Image.open(files[int(i)]) as mask:
+            with open_image(files[int(i)]) as mask:
                 values |= set(np.unique(np.asarray(mask)).astype(int).tolist())
-        except (OSError, SyntaxError, ValueError, TypeError, Image.DecompressionBombError):
+        except Exception:  # of whatever kind
             continue  # what is wrong with it is said where it is read
     if not values:
         return []
@@ -135,7 +134,8 @@ def frame_of(view: View) -> tuple[int, int, int, int]:
 
 
 def _describe_empty(silhouettes: np.ndarray, views: Sequence[View]) -> list[str]:
-    lost = [view for view, s in zip(views, silhouettes, strict=True) if not s.any()]
+    pairs = zip(views, silhouettes, strict=True)
+    lost = [view for view, s in pairs if not s.any() and not view.unreadable]
     if not lost:
         return []
     return [
@@ -228,7 +228,7 @@ def _describe_gaps(series: Series, views: Sequence[View]) -> list[str]:
         f"between {views[i - 1].view} and {views[i].view} the silhouettes change "
         f"{steps[i - 1] / np.median(steps):.0f} times as much as elsewhere: photographs are "
         "missing there, or a second series begins; 'calibrate' takes one series of even steps"
-        for i in find_gaps(series)[:NAMED]
+        for i in find_gaps(series)[:GAPS]
     ]
 
 
@@ -249,11 +249,11 @@ def _split_by_time(views: Sequence[View]) -> list[range]:
 def _read_time(view: View) -> datetime | None:
     """When a photograph was taken, if it says so."""
     try:
-        with Image.open(view.source) as opened:
+        with open_image(view.source) as opened:
             return datetime.strptime(
                 str(opened.getexif().get_ifd(EXIF)[TAKEN]), "%Y:%m:%d %H:%M:%S"
             )
-    except (OSError, SyntaxError, ValueError, KeyError, Image.DecompressionBombError):
+    except Exception:  # of whatever kind: it has none, or cannot be read
         return None
 
 
@@ -262,5 +262,4 @@ def _size(view: View) -> str:
 
 
 def _name(views: Sequence[View]) -> str:
-    said = ", ".join(view.view for view in views[:NAMED])
-    return said + (f" and {len(views) - NAMED} more" if len(views) > NAMED else "")
+    return name_some([view.view for view in views])

@@ -2,11 +2,12 @@
 
 import re
 import reprlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 LONGEST = 8000  # characters of a message, whatever was found
 WORDS = 200  # characters of what a library says
+NAMED = 3  # names of many
 UNPRINTABLE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # would move or colour a terminal
 
 
@@ -70,6 +71,12 @@ def cut(text: str, most: int) -> str:
         return text
     half = most // 2
     return f"{text[:half]} [... {len(text) - 2 * half:,} characters ...] {text[-half:]}"
+
+
+def name_some(names: Sequence[object], most: int = NAMED) -> str:
+    """Some of many names, and how many more there are: ``a, b, c and 4 more``."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(map(str, names[:most])) + more
 
 
 def shorten(value: object, most: int = 120) -> str:

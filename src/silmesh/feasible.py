@@ -4,7 +4,6 @@ A step would refuse it too, but after the work of those before it. What is heavy
 imported only for a run that asks for it.
 """
 
-import csv
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
@@ -16,10 +15,9 @@ from silmesh.views import count_array_views, find_images
 if TYPE_CHECKING:
     from silmesh.plan import Run
 
-PUBLISHED = ("object", "variant", "iteration", "loss")
 FEWEST_FITTED = 2  # views
 OPAQUE = (".jpg", ".jpeg", ".bmp")  # formats without an alpha channel
-MATTING = ("onnxruntime", "cv2")  # what runs the foreground model
+MATTING = ("onnxruntime", "cv2")  # libraries that run the foreground model
 CHECKPOINT = (b"PK\x03\x04", b"\x80")  # how a file of torch's begins: a zip, or a pickle
 
 
@@ -55,11 +53,16 @@ def _has_gpu() -> bool:
 
 
 def _refuse_lacking_model(key: str, silhouettes: str) -> None:
-    if silhouettes == "matting" and not all(find_spec(name) for name in MATTING):
+    if silhouettes == "matting" and not has_matting():
         raise InputError(
             f"{key}: silhouettes 'matting' needs a library that is not installed: "
             "`pip install 'silmesh[matting]'`; or should be another source"
         )
+
+
+def has_matting() -> bool:
+    """Whether what runs the foreground model is installed."""
+    return all(find_spec(name) for name in MATTING)
 
 
 def _refuse_opaque(silhouettes: str, images: tuple[Path, ...]) -> None:
@@ -120,32 +123,3 @@ def refuse_lacking_backgrounds(key: str, source: str) -> None:
     if source != "shipped":
         with blaming(key):
             find_images(Path(source))
-
-
-def refuse_other_table(key: str, file: Path) -> None:
-    """Refuse a table of published curves that lacks a column, or whose numbers are none."""
-    should = f"should be a table with the columns {','.join(PUBLISHED)}"
-    try:
-        with open(file, encoding="utf-8-sig", newline="") as opened:
-            rows = csv.DictReader(opened)
-            header = rows.fieldnames or []
-            if lacking := [column for column in PUBLISHED if column not in header]:
-                raise InputError(
-                    f"{key}: {file}: lacks {', '.join(lacking)}; {should}. "
-                    f"Found: {', '.join(header) or 'none'}"
-                )
-            for row in rows:
-                _refuse_other_numbers(row, f"{key}: {file}, line {rows.line_num}")
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        why = getattr(error, "strerror", None) or error
-        raise InputError(f"{key}: {file}: cannot be read: {why}; {should}") from error
-
-
-def _refuse_other_numbers(row: dict, where: str) -> None:
-    for column in ("iteration", "loss"):
-        try:
-            float(row[column])
-        except (TypeError, ValueError) as error:
-            raise InputError(
-                f"{where}: {column}: should be a number, not {row[column]!r}"
-            ) from error

@@ -18,10 +18,10 @@ from pathlib import Path
 from silmesh.errors import InputError
 
 MADE = ".silmesh"  # in a folder that was made here: the names of all that was put into it
-ALLOWED = {MADE, ".snakemake_timestamp"}  # beside them
+ALLOWED = {MADE, ".snakemake_timestamp"}  # may be in such a folder beside what MADE lists
 PART = ".part-"  # begins the names of what is being written
 NOT_OURS = {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES}  # what a disk refuses
-TRIED = 1 << 16  # bytes: a full disk has room for a name, and for no more
+TRIED = 1 << 16  # bytes written to try a place: a full disk has room for an empty file
 
 
 @contextmanager
@@ -114,10 +114,11 @@ def _beside(path: Path) -> Iterator[Path]:
 def _name_part(path: Path) -> Path:
     """A path beside another for this process alone; removes those of processes that have ended."""
     machine = f"{zlib.crc32(platform.node().encode()):08x}"  # others' processes are not seen here
-    name = re.compile(rf"{re.escape(PART)}(?:{machine}-(\d+)-)?{re.escape(path.name)}")
-    for other in path.parent.iterdir():
-        if (left := name.fullmatch(other.name)) and not (left[1] and _is_alive(int(left[1]))):
-            _discard(other)
+    name = rf"{re.escape(PART)}{machine}-(\d+)-{re.escape(path.name)}"
+    parts = [other for other in os.listdir(path.parent) if other.startswith(PART)]  # of many files
+    for other in parts:
+        if (left := re.fullmatch(name, other)) and not _is_alive(int(left[1])):
+            _discard(path.with_name(other))
     return path.with_name(f"{PART}{machine}-{os.getpid()}-{path.name}")
 
 
@@ -144,6 +145,7 @@ def _refuse_as_file(path: Path) -> None:
         raise InputError(f"{path}: is a folder; should be the file to write")
     if os.path.exists(path) and not os.path.isfile(path):
         raise InputError(f"{path}: is no ordinary file, and should not be replaced by one")
+    _refuse_nameless(path)
 
 
 def _refuse_as_folder(folder: Path) -> None:
@@ -158,6 +160,13 @@ def _refuse_as_folder(folder: Path) -> None:
             f"{folder}: holds {other}, which was not made with it; should be a folder to make, or "
             "an empty one"
         )
+    _refuse_nameless(folder)
+
+
+def _refuse_nameless(path: Path) -> None:
+    """Refuse ``.`` and ``..``, beside which nothing can be written for it."""
+    if path.name in ("", ".."):
+        raise InputError(f"{path}: should end in a name, not in '{path.name or '.'}'")
 
 
 def _find_other(folder: Path) -> str | None:
@@ -223,7 +232,8 @@ def _naming(path: Path) -> Iterator[None]:
     except OSError as error:
         at, why = Path(error.filename or path), error.strerror
         if error.errno in (errno.EEXIST, errno.ENOTDIR):
-            others = (parent for parent in path.parents if os.path.lexists(parent))
-            at, why = next(others, at), "is not a folder"
+            files = (p for p in path.parents if os.path.lexists(p) and not os.path.isdir(p))
+            if file := next(files, None):
+                at, why = file, "is not a folder"
         where = f"{at}: " if at in path.parents else ""
         raise InputError(f"{path}: cannot be written: {where}{why}") from error

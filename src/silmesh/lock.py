@@ -23,7 +23,7 @@ COMMAND = Path(".snakemake/silmesh.command")
 STEPS = Path(".snakemake/silmesh.steps")
 LIFELINE = "SILMESH_LIFELINE"  # the variable that says which pipe it is, as no other input is
 PATIENCE = 20.0  # seconds that the steps of a killed run have to end
-LOOK = 0.05  # seconds between two looks at whether they have
+LOOK = 0.05  # seconds between two looks at whether a lock is free
 STDIN = 0
 
 _held: list[int] = []  # open until this process ends
@@ -53,7 +53,7 @@ def begin_run() -> None:
     """
     if not hold(LOCK):
         raise BusyError(f"another run is at work in {Path.cwd()}; wait for its end")
-    if not _is_left(STEPS):
+    if not _becomes_free(STEPS):
         raise BusyError(
             f"a step of a run that was killed is still at work in {Path.cwd()}; wait for its end"
         )
@@ -114,8 +114,8 @@ def _lock(path: Path | str, how: int) -> int | None:
     return file
 
 
-def _is_left(path: Path) -> bool:
-    """Whether nobody holds a file, or nobody any more after some patience."""
+def _becomes_free(path: Path) -> bool:
+    """Whether nobody holds a lock, or nobody any more after some patience."""
     end = time.monotonic() + PATIENCE
     while (file := _lock(path, fcntl.LOCK_EX | fcntl.LOCK_NB)) is None:
         if time.monotonic() > end:

@@ -12,7 +12,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
-from silmesh.errors import InputError
+from silmesh.errors import InputError, name_some
 
 SUFFIXES = (
     *(".png", ".jpg", ".jpeg", ".jpe", ".jfif", ".tif", ".tiff", ".webp", ".bmp"),
@@ -20,7 +20,6 @@ SUFFIXES = (
 )
 MASK_FOLDERS = ("masks", "mask", "silhouettes")
 MARKED = re.compile(r"(.+)[._ -]masks?|masks?[._ -](.+)", re.I)  # a mask's stem: its photograph's
-SHOWN = 3  # names in a message
 PLAIN = set(range(0x20, 0x7F)) - set(b"'\\")  # bytes that bash's $'...' takes as they are
 
 
@@ -169,8 +168,8 @@ def pair_masks(
     for image, of_it in zip(images, found, strict=True):
         if len(of_it) > 1:
             raise InputError(
-                f"{image}: has {len(of_it)} masks, {', '.join(map(str, of_it[:SHOWN]))}; should "
-                "have one: take the others away, or name the right ones by a glob"
+                f"{image}: has {len(of_it)} masks, {name_some(of_it)}; should have one: "
+                "take the others away, or name the right ones by a glob"
             )
     return found, spare
 
@@ -183,8 +182,7 @@ def tell_spare(masks: Sequence[Path]) -> list[str]:
     """A line on masks without a photograph, if there are any."""
     if not masks:
         return []
-    more = f" and {len(masks) - 1} more" if masks[1:] else ""
-    return [f"not used: {masks[0]}{more}: no photograph has the name of that mask"]
+    return [f"not used: {name_some(masks, 1)}: no photograph has the name of that mask"]
 
 
 def quote(path: Path | str) -> str:

@@ -28,15 +28,15 @@ from typing import Any
 from silmesh.cameras.locate import locate
 from silmesh.config import Config, Variant, parse_config
 from silmesh.datasets import Dataset, Turntable, read_datasets, resolve_cameras
-from silmesh.errors import InputError
+from silmesh.errors import InputError, blaming
 from silmesh.feasible import (
     refuse_infeasible,
     refuse_lacking_backgrounds,
-    refuse_other_table,
     refuse_other_weights,
     refuse_unknown_weights,
 )
 from silmesh.own_code import refuse_lacking
+from silmesh.report.published import check_published
 from silmesh.settings.section import NAME, Section, own_file
 from silmesh.settings.silhouettes import FOREGROUND_MODELS, Networks, weights_file
 from silmesh.settings.train import NEW, TRAINED
@@ -349,14 +349,16 @@ def _to_train_on(datasets: list[Dataset], config: Config, where: str) -> list[Da
 
 
 def _refuse_lacking_curves(config: Config, where: str) -> None:
-    """Refuse a table of published curves that is not there."""
-    if config.published and not config.published.is_file():
+    """Refuse a table of published curves that is not there, or is another."""
+    if config.published is None:
+        return
+    if not config.published.is_file():
         raise InputError(
             f"{where}: published: {config.published}: is not there; should be a table with the "
             "columns object,variant,iteration,loss"
         )
-    if config.published:
-        refuse_other_table(f"{where}: published", config.published)
+    with blaming(f"{where}: published"):
+        check_published(config.published)
 
 
 def _refuse_lacking(key: str, weights: str, model: str, promised: bool) -> None:

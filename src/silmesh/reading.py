@@ -8,11 +8,12 @@ import json
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
-
-import numpy as np
+from typing import TYPE_CHECKING, Any
 
 from silmesh.errors import InputError, reading, shorten
+
+if TYPE_CHECKING:
+    import numpy as np
 
 LARGEST_TEXT, LARGEST_JSON = 1 << 30, 1 << 26  # bytes; a COLMAP model has the points in its text
 LARGEST_HEADER = 10_000  # characters of a .npy file's header
@@ -43,7 +44,16 @@ def read_json(path: Path) -> Any:
     """
     text = read_text(path, "JSON", LARGEST_JSON)
     with reading(path, "JSON"):
-        return json.loads(text, object_pairs_hook=_to_object)
+        return parse_json(text)
+
+
+def parse_json(text: str) -> Any:
+    """The content of JSON.
+
+    Raises:
+        ValueError: it is not JSON, or has a key twice in one object
+    """
+    return json.loads(text, object_pairs_hook=_to_object)
 
 
 def _to_object(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
@@ -55,12 +65,14 @@ def _to_object(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
     return content
 
 
-def open_array(path: Path) -> np.ndarray:
+def open_array(path: Path) -> "np.ndarray":
     """The array of a ``.npy`` file, left on disk until it is looked at.
 
     Raises:
         InputError: it is not there, is no such file, truncated, or holds Python's objects
     """
+    import numpy as np  # slow to load for those who read text
+
     if not path.is_file():
         raise InputError(f"{path}: is not there")
     with reading(path, "a .npy array"):

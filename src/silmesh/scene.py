@@ -24,14 +24,13 @@ from silmesh.cameras.camera import (
     read_cameras,
     write_cameras,
 )
-from silmesh.errors import InputError
+from silmesh.errors import InputError, name_some
 from silmesh.files import making
 from silmesh.silhouettes import encode, read_silhouettes
 from silmesh.straighten import Straightened
 from silmesh.views import ImageFolder
 
 VIEWS, SILHOUETTES = "views", "silhouettes"  # folders of a scene
-NAMED = 3  # views in a message
 
 
 @dataclass(frozen=True)
@@ -120,7 +119,7 @@ def _say_behind(cameras: Cameras, depth: Tensor) -> str:
             f"view {view!r}: the object would lie behind its camera, and behind those of all views:"
             " the cameras look away from it"
         )
-    others = f" ({', '.join(behind[:NAMED])}{', ...' * (len(behind) > NAMED)})"
+    others = f" ({name_some(behind)})"
     return (
         f"view {view!r}: the object would lie behind its camera: {len(behind)} of {len(cameras)} "
         f"cameras look away from it{others * (len(behind) > 1)}; the cameras and the silhouettes "

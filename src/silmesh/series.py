@@ -10,17 +10,17 @@ from itertools import pairwise
 import numpy as np
 
 LEAST = 5  # views of a round
-CLOSED = 1.4  # of the larger differences between neighbours, up to which a round's ends are such
-NEAR = 0.8  # of the difference of any two views of a round, below which neighbours' is
-RISEN = 0.35  # of the mean rise of one round over another, that it has in every view
+CLOSED = 1.4  # times the larger differences of neighbours: a round's ends differ by less
+NEAR = 0.8  # of the usual difference of any two views of a round: its neighbours differ by less
+RISEN = 0.35  # of the mean rise of one round over another: it rises by more in every view
+RISEN_UNEQUAL = 0.6  # as RISEN, for rounds of different lengths
 NOTICED = 0.02  # of the object's size or area, below which a rise is nothing
-RISEN_UNEQUAL = 0.6  # of it, where rounds differ in length
-MATCHED = 0.3  # of what turning changes across, by which two rounds may differ there
+MATCHED = 0.3  # of what turning changes across the image: two rounds may differ there by less
 ALIKE = 0.03  # difference, below which silhouettes say nothing of their order
 SHUFFLED = 1.5  # times what the most similar views differ by, from which neighbours are none
-ALTERNATE = 0.6  # of the difference of neighbours, below which every other view is nearer
-STRAY = 2.0  # times the usual difference, or its neighbours', by which a view strays
-GAP = 3.0  # times the usual difference and those beside it, from which something is missing
+ALTERNATE = 0.6  # of the difference of neighbours: every other view of two rounds differs by less
+STRAY = 2.0  # times the usual difference, and that of its neighbours: a view of more strays
+GAP = 3.0  # times the usual difference, and those beside it: a larger one is a gap
 
 
 @dataclass(frozen=True)

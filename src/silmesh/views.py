@@ -22,14 +22,10 @@ from silmesh.naming import SUFFIXES, name_views, order_photographs, split_masks
 from silmesh.progress import Share, untold
 from silmesh.reading import open_array
 
-ANIMATED = (
-    "PNG",
-    "WEBP",
-    "TIFF",
-    "AVIF",
-)  # formats, as Pillow calls them, that may have more frames
 MANIFEST = "views.json"
-PROGRAMS = ("EPS", "WMF")  # formats, as Pillow calls them, that it has another program run
+# Formats as Pillow calls them.
+ANIMATED = ("PNG", "WEBP", "TIFF", "AVIF")  # may have more frames
+PROGRAMS = ("EPS", "WMF")  # Pillow has another program run them
 SMALL, PACKED = 10_000_000, 8 * 1032  # pixels; pixels a byte, of one bit each and all alike
 GROUND = 124  # grey of the working image of a photograph that cannot be read
 
@@ -88,8 +84,8 @@ def describe_shapes(sizes: Sequence[tuple[int, int]]) -> str:
         if width != height and (turned := counts.get((height, width))):
             return (
                 f"{lying} photographs are {width}x{height} and {turned} are {height}x{width}: was "
-                "their EXIF orientation lost? If so, turn them all alike; the cameras would be "
-                "wrong otherwise"
+                f"their EXIF orientation lost? If so, turn the {turned} as the others are; the "
+                "cameras would be wrong otherwise"
             )
     return ""
 

@@ -15,7 +15,8 @@ from typing import Any
 
 import yaml
 
-from silmesh.errors import InputError, cut, reading, shorten
+from silmesh.errors import InputError, cut, reading
+from silmesh.reading import parse_json
 
 LARGEST = 1 << 18  # bytes, of which the longest study needs a tenth
 MOST = 20_000  # values, with each counted as often as an alias repeats it
@@ -59,7 +60,7 @@ def _read(path: Path) -> str:
 
 def _parse(text: str, path: Path | str) -> Any:
     try:
-        return json.loads(text, object_pairs_hook=_to_object)
+        return parse_json(text)
     except json.JSONDecodeError:  # as Snakemake does
         pass
     try:
@@ -75,16 +76,6 @@ def _parse(text: str, path: Path | str) -> Any:
         return loader.construct_document(node)
     except yaml.YAMLError as error:
         raise InputError(_explain(error, path)) from error
-
-
-def _to_object(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
-    """An object of JSON, none of whose keys hides another."""
-    content: dict[str, Any] = {}
-    for key, value in pairs:
-        if key in content:
-            raise ValueError(f"key {shorten(key)} comes twice in one object")
-        content[key] = value
-    return content
 
 
 def _count(node: yaml.Node, known: dict[int, int], path: Path | str) -> int:
@@ -110,12 +101,15 @@ def _refuse_equal_keys(node: yaml.Node, path: Path | str) -> None:
     if isinstance(node, yaml.MappingNode):
         lines: dict[str, int] = {}
         for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                continue
             line = key.start_mark.line + 1
-            if isinstance(key, yaml.ScalarNode) and lines.setdefault(key.value, line) != line:
+            if key.value in lines:
                 raise InputError(
                     f"{path}, line {line}: {cut(key.value, 80)!r} is also on line "
                     f"{lines[key.value]}; each name comes once"
                 )
+            lines[key.value] = line
     for child in _children(node):
         _refuse_equal_keys(child, path)
 

@@ -86,6 +86,18 @@ def test_equal_names_and_telephones_formats(photographs, tmp_path):
     )
 
 
+@pytest.mark.parametrize("value", ["far", 0])
+def test_a_focal_length_that_is_none_is_left_out(photographs, tmp_path, value):
+    pillow_heif.register_heif_opener()
+    exif = PIL.Image.Exif()
+    exif.get_ifd(PIL.ExifTags.IFD.Exif)[41989] = value
+    paths = [tmp_path / f"{i}.avif" for i in range(3)]
+    for photograph, path in zip(photographs, paths, strict=False):
+        with PIL.Image.open(photograph) as image:
+            image.convert("RGB").save(path, exif=exif.tobytes())
+    assert features(paths, tmp_path)[0].figures["focal_from_exif"] == {}
+
+
 def test_the_same_photographs_give_the_same_bytes_with_any_number_of_threads(photographs, tmp_path):
     one = features(photographs, tmp_path, "one")[1]
     two = features(photographs, tmp_path, "two", threads=2)[1]

@@ -24,9 +24,9 @@ def test_share_and_time_follow_what_steps_usually_take(clock):
     bar.plan({"views": 1, "fit": 1, "another": 1})
     assert bar.share == 0
     assert bar.seconds_left == pytest.approx(views + fit + other)
-    bar.begin("3", "resizing its photographs")
+    bar.begin(3, "views", "resizing its photographs")
     clock[0] = 2 * views  # this machine takes twice as long
-    bar.finish("3", "views")
+    bar.finish(3)
     pace = (2 * views + START) / (views + START)
     assert bar.share == pytest.approx(views / (views + fit + other))
     assert bar.seconds_left == pytest.approx((fit + other) * pace)
@@ -36,8 +36,7 @@ def test_a_step_at_work_counts_by_the_clock_until_it_says_how_far_it_is(clock):
     bar = Bar(views=0, source="mask", stream=Terminal())
     fit = SECONDS["fit"][0]
     bar.plan({"fit": 1})
-    bar.begin("1", "fitting")
-    bar.name("1", "fit")
+    bar.begin(1, "fit", "fitting")
     clock[0] = fit / 4
     assert bar.seconds_left == pytest.approx(0.75 * fit)
     assert bar.share == pytest.approx(0.25)
@@ -45,7 +44,7 @@ def test_a_step_at_work_counts_by_the_clock_until_it_says_how_far_it_is(clock):
     assert bar.seconds_left == pytest.approx(LATE * fit)
     bar.go_on("fit", 0.5)
     assert bar.seconds_left == pytest.approx(5 * fit)
-    bar.finish("1", "fit")
+    bar.finish(1)
     assert bar.share == 1
     assert bar.seconds_left == 0
 
@@ -54,9 +53,9 @@ def test_what_is_drawn(clock):
     terminal = Terminal()
     bar = Bar(views=0, source="mask", stream=terminal)
     bar.plan({"fit": 2})
-    bar.begin("1", "fitting")
-    bar.finish("1", "fit")
-    bar.begin("2", "evaluating")
+    bar.begin(1, "fit", "fitting")
+    bar.finish(1)
+    bar.begin(2, "fit", "evaluating")
     bar.close()
     assert "\n" not in terminal.getvalue()  # no line for a stage beside the bar
     drawn = [line.rstrip() for line in terminal.getvalue().split("\r")]
@@ -69,7 +68,7 @@ def test_a_narrow_terminal_has_room_for_the_time(clock, monkeypatch):
     terminal = Terminal()
     bar = Bar(views=0, source="mask", stream=terminal)
     bar.plan({"fit": 1})
-    bar.begin("1", "making something of a long name")
+    bar.begin(1, "fit", "making something of a long name")
     bar.close()
     drawn = [line.rstrip() for line in terminal.getvalue().split("\r")]
     assert f"  0% |{' ' * 8}| about 4 s left: making…" in drawn
@@ -80,16 +79,16 @@ def test_where_nobody_watches_it_is_a_line_a_stage_with_its_time(clock):
     stream = io.StringIO()
     bar = Bar(views=3, source="mask", stream=stream)
     bar.plan({"fit": 1, "judge": 1})
-    bar.begin("1", "fitting")
-    bar.begin("2", "judging its views")
+    bar.begin(1, "fit", "fitting")
+    bar.begin(2, "judge", "judging its views")
     bar.go_on("fit", 0.5)
     assert stream.getvalue() == ""
     clock[0] = 3.25
-    bar.finish("2", "judge")
+    bar.finish(2)
     assert stream.getvalue() == "silmesh: judging its views: 3.2 s\n"
     bar.say("a line")
     clock[0] = 140
-    bar.finish("1", "fit")
+    bar.finish(1)
     bar.close()
     lines = ["silmesh: judging its views: 3.2 s", "a line", "silmesh: fitting: 140.0 s"]
     assert stream.getvalue().splitlines() == lines

@@ -20,6 +20,7 @@ from PIL import Image
 from scenes import silhouettes, turntable
 from surroundings import look_around, surround
 
+from silmesh.cameras.camera import write_cameras
 from silmesh.cli.main import main
 from silmesh.naming import natural_key
 from silmesh.provenance import SOURCE
@@ -88,6 +89,19 @@ def test_masks_beside_silhouettes_of_another_kind_are_refused(tmp_path, source):
     status, said = call(photos, *output, "--masks", photos, "--silhouettes", source)
     assert status == 2
     assert f"--masks {photos}: --silhouettes {source} takes no masks" in said
+
+
+def test_masks_of_labels_are_refused_before_any_work(tmp_path):
+    photos = photograph(tmp_path / "photos")
+    (tmp_path / "masks").mkdir()
+    labels = np.zeros((64, 64), np.uint8)
+    labels[20:40, 10:30], labels[20:40, 30:50] = 1, 15
+    for file in photos.iterdir():
+        Image.fromarray(labels).save(tmp_path / "masks" / file.name)
+    status, said = call(photos, "-o", tmp_path / "mesh.glb", "--keep", tmp_path / "work")
+    assert status == 2
+    assert f"silmesh: {tmp_path}/masks/r0.png: holds 3 values, 0 (" in said
+    assert not (tmp_path / "work").exists()
 
 
 @pytest.mark.parametrize("name", ["{cameras}.json", os.fsdecode(b"K\xf6nig.json")])
@@ -231,7 +245,7 @@ def test_telephones_photographs_of_any_names_in_a_plain_locale(tmp_path, monkeyp
     status, said, told = run(tmp_path, *named, *known, "-o", "mesh.ply")
     assert status == 0, told
     assert told.startswith("silmesh: 12 photographs\n")
-    assert "silhouettes: mask (each photograph has one)" in told
+    assert "silhouettes: mask (each photograph has one, as " in told
     assert said.startswith("mesh.ply: good; ")
     assert "(IoU) in 12 photographs, " in said
 
@@ -266,3 +280,34 @@ def test_a_home_that_cannot_be_written_stops_nobody_who_names_a_folder(tmp_path)
     home = {"HOME": "/proc", "XDG_CACHE_HOME": "", "SILMESH_CACHE": ""}
     status, _, told = run(tmp_path, photos, *known, "--keep", "work", **home)
     assert status == 0, told
+
+
+@pytest.mark.parametrize(
+    ("mesh", "page", "said"),
+    [
+        ("mesh.ply", "film.MP4", "is a picture or a video"),
+        ("mesh.ply", "masks/r1.png", "is a picture or a video"),
+        ("mesh.ply", "photos/IMG_1.CR2", "is a picture or a video"),
+        ("mesh.ply", "cameras.json", "is one of the files that are read"),
+        ("mesh.ply", "mesh.ply", "another file than that of the mesh"),
+        ("photos/../mesh.ply", "mesh.ply", "another file than that of the mesh"),
+        ("mesh.ply", "link/mesh.ply", "another file than that of the mesh"),
+    ],
+)
+def test_no_output_takes_the_place_of_what_is_read_or_of_the_other(
+    tmp_path, monkeypatch, mesh, page, said
+):
+    monkeypatch.chdir(tmp_path)
+    photograph(tmp_path / "photos")
+    write_cameras(Path("cameras.json"), turntable(VIEWS, 64, elevation=10))
+    (tmp_path / "masks").mkdir()
+    for name in ("film.MP4", "masks/r1.png", "photos/IMG_1.CR2"):
+        (tmp_path / name).write_bytes(b"a person's")
+    (tmp_path / "link").symlink_to(".")
+    before = look_around(tmp_path)
+    options = ["--cameras", "file:cameras.json", "--silhouettes", "threshold", "--keep", "work"]
+    status, told = call("photos", *options, "-o", mesh, "--page", page)
+    assert status == 2
+    assert f"{page}: " in told
+    assert said in told
+    assert look_around(tmp_path) == before

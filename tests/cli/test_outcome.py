@@ -30,12 +30,23 @@ GOOD = {
 }
 
 
+def judge(metrics, **known):
+    doubts = find_doubts(metrics, Path("/r"), **known)
+    return doubts, describe(Path("m.glb"), metrics, doubts)
+
+
+def leave_out(count, why="other views deny {}% of it"):
+    dropped = {f"r{i}": why.format(30 + i) for i in range(count)}
+    return {"views_dropped": count, "cameras": {"source": "calibrate", "dropped": dropped}}
+
+
 def test_a_good_mesh():
-    assert describe(Path("m.glb"), GOOD) == (
+    doubts, said = judge(GOOD)
+    assert said == (
         "m.glb: good; its outline is the object's to 99.2% (IoU) in 72 photographs, 98.6% in the "
         "worst; 2,696 triangles, closed"
     )
-    assert find_doubts(GOOD, Path("results")) == []
+    assert doubts == []
 
 
 def test_a_few_silhouettes_that_colours_contradict_do_not_decide():
@@ -47,7 +58,31 @@ def test_photographs_that_are_left_out_are_named():
     changed = GOOD | {"views_dropped": 4, "views_repaired": 2, "cameras": lost}
     assert (
         "in 72 photographs (2 redrawn, 4 more left out: a, empty; b, empty; c, empty; ...), 98.6%"
-    ) in describe(Path("m.glb"), changed)
+    ) in judge(changed)[1]
+
+
+@pytest.mark.parametrize(
+    ("why", "unread", "said"),
+    [
+        ("other views deny {}% of it", 0, "(20 as r0: other views deny 30% of it)"),
+        ("its photograph cannot be used", 0, "(20 as r0: its photograph cannot be used)"),
+        ("the same picture as 'a{}'", 0, "(20 as r0: the same picture as 'a30')"),
+        ("empty", 2, "(2 are in formats that are not read; 20 as r0: empty)"),
+    ],
+)
+def test_many_photographs_that_are_not_used_are_a_doubt_with_the_true_reasons(why, unread, said):
+    (doubt,), whole = judge(GOOD | leave_out(20, why), unread=unread)
+    assert doubt.startswith(f"{20 + unread} of {92 + unread} photographs are not used {said}: ")
+    assert ": doubtful; " in whole
+
+
+def test_photographs_in_formats_that_are_not_read_count_among_all():
+    assert judge(GOOD, unread=18)[0] == []
+    (doubt,), _ = judge(GOOD, unread=19)
+    assert doubt == (
+        "19 of 91 photographs are not used (19 are in formats that are not read): save those as "
+        "JPEG or PNG"
+    )
 
 
 @pytest.mark.parametrize(
@@ -59,17 +94,18 @@ def test_photographs_that_are_left_out_are_named():
             "only turns: try --cameras colmap",
         ),
         (
-            {"hull_iou_mean": 0.71, "cameras": {"source": "turntable"}},
+            {"hull_iou_mean": 0.71, "cameras": {"source": "turntable", "dropped": {}}},
             "the cameras are wrong: try --cameras calibrate if the object turned",
         ),
         ({"measured": ["the frame cuts it"]}, "the frame cuts it"),
+        ({"measured": ["the frame cuts it"], "iou_mean": 0.94}, "the frame cuts it"),
         ({"iou_mean": 0.9}, "the fit ended early: try --init auto"),
         ({"iou": {"a": 0.99, "b": 0.3, "c": 0.8}}, "misses the object in b, c: look at their"),
         (
-            {"views": 50, "views_dropped": 22},
-            "22 of 72 photographs are left out",
+            {"views": 50} | leave_out(22),
+            "22 of 72 photographs are not used",
         ),
-        ({"views": 7}, "7 photographs leave much of the shape open"),
+        ({"views": 7, "iou_mean": 0.94}, "7 photographs leave much of the shape open"),
         (
             {"silhouettes_contradicted": [f"r{i}" for i in range(12)]},
             "along the outlines of r0, r1, r2 and 9 more (12 of 72) the photographs change little",
@@ -78,10 +114,9 @@ def test_photographs_that_are_left_out_are_named():
     ],
 )
 def test_what_is_doubtful_is_said_with_what_to_do(change, advice):
-    metrics = GOOD | change
-    (doubt,) = find_doubts(metrics, Path("/r"))
+    (doubt,), said = judge(GOOD | change)
     assert advice in doubt
-    assert ": doubtful; " in describe(Path("m.glb"), metrics)
+    assert ": doubtful; " in said
 
 
 @pytest.mark.parametrize(
@@ -97,6 +132,7 @@ def test_what_is_doubtful_is_said_with_what_to_do(change, advice):
 def test_no_cameras_are_advised_that_were_tried(tried, attempts, advised):
     cameras = {
         "source": tried[0] if tried else "colmap",
+        "dropped": {},
         "attempts": [{"source": s} for s in attempts],
     }
     (doubt,) = find_doubts(GOOD | {"hull_iou_mean": 0.7, "cameras": cameras}, Path("/r"), tried)
@@ -130,9 +166,6 @@ def test_every_format_holds_the_mesh(tmp_path, suffix):
     assert [path.name for path in output.parent.iterdir()] == [output.name]
 
 
-def test_an_unknown_ending_and_a_folder_are_refused(tmp_path):
+def test_an_unknown_ending_is_refused():
     with pytest.raises(InputError, match=r"m.fbx: should end in .glb, .obj, .ply, .stl"):
         refuse_suffix(Path("m.fbx"))
-    (tmp_path / "m.glb").mkdir()
-    with pytest.raises(InputError, match=r"m.glb: is a folder"):
-        refuse_suffix(tmp_path / "m.glb")

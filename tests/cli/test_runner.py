@@ -1,92 +1,148 @@
-"""What Snakemake says is read as it says it: this text is a real run's, shortened."""
+"""Real runs of a small workflow, followed by what Snakemake's logger plugin writes."""
+
+import json
+import shutil
+import subprocess
+import sys
 
 import pytest
 
-from silmesh.cli.runner import Runner, _last_message, _Reader
+from silmesh.cli import runner
+from silmesh.cli.runner import RunError, Runner, _Reader
+from silmesh.cli.workspace import CONFIG, find_snakefile
 
-RUN = """\
-Job stats:
-job            count
------------  -------
-views              1
-fit                1
-total              2
-
-Select jobs to execute...
-Execute 1 jobs...
-
-[Tue Nov 24 19:59:04 2026]
-Job 5: cup: resizing its photographs
-[Tue Nov 24 19:59:06 2026]
-Finished jobid: 5 (Rule: views)
-1 of 2 steps (50%) done
-
-[Tue Nov 24 20:00:24 2026]
-Job 1: cup/mesh: fitting
-Shell command: python -m silmesh.steps fit --first results/cup/stages/first/x/first.ply
-fit cup/mesh: 150/600, loss 0.0160, 31 s left
-"""
-FAILURE = """\
-[Tue Nov 24 20:10:00 2026]
-Error in rule views:
-    message: cup: resizing its photographs
-    jobid: 5
-    input: photographs/a.png
-    output: results/cup/stages/views/64-pad
-    log: logs/views/cup-64-pad.log (check log file(s) for error details)
+SNAKEFILE = """\
+rule views:
+    output:
+        "results/cup/views",
+    log:
+        "logs/views.log",
+    message:
+        "cup: resizing its photographs"
     shell:
-        PATH=/bin:$PATH; python -m silmesh.steps views
+        "echo Error in rule fit:; touch {output}"
+
+
+rule fit:
+    input:
+        "results/cup/views",
+    output:
+        "results/{object}/{variant}.ply",
+    log:
+        "logs/fit-{object}-{variant}.log",
+    message:
+        "{wildcards.object}/{wildcards.variant}: fitting"
+    shell:
+        "echo fit cup/mesh: 150/600, loss 0.0160, 31 s left; touch {output}"
+
+
+rule broken:
+    output:
+        "broken",
+    log:
+        "logs/a broken step.log",
+    shell:
+        "echo 'silmesh: a.png: is bad' > {log:q}; exit 3"
 """
 
 
 class Recorder:
-    """Keeps what a bar is told."""
+    """Keeps what a bar is told, but that it is to be drawn, which the clock says."""
 
     def __init__(self):
         self.told = []
 
     def __getattr__(self, name):
-        return lambda *values: self.told.append((name, *values))
+        return lambda *values: name == "draw" or self.told.append((name, *values))
 
 
-def read(text):
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A folder to run the small workflow in, with the real one's profile."""
+    profiles = find_snakefile().parent / "workflow" / "profiles"
+    shutil.copytree(profiles, tmp_path / "flow" / "workflow" / "profiles")
+    (tmp_path / "flow" / "Snakefile").write_text(SNAKEFILE)
+    (tmp_path / CONFIG).parent.mkdir(exist_ok=True, parents=True)
+    (tmp_path / CONFIG).write_text("{}\n")
+    monkeypatch.setattr(runner, "find_snakefile", lambda: tmp_path / "flow" / "Snakefile")
+    return tmp_path
+
+
+def test_how_far_a_run_is(folder):
     bar = Recorder()
-    reader = _Reader(bar)
-    for line in text.splitlines():
-        reader.read(line)
-    return reader, bar.told
+    Runner(folder, 1).run(["results/cup/mesh.ply"], bar)
+    assert bar.told[0] == ("plan", {"views": 1, "fit": 1})
+    (_, first, *views), (_, second, *fit) = [told for told in bar.told if told[0] == "begin"]
+    assert views == ["views", "resizing its photographs"]
+    assert fit == ["fit", "fitting"]
+    ends = [told for told in bar.told if told[0] == "finish"]
+    assert ends == [("finish", first), ("finish", second)]
+    assert ("go_on", "fit", 0.25) in bar.told
+    assert (folder / "results/cup/mesh.ply").exists()
 
 
-def test_how_far_a_run_is():
-    reader, told = read(RUN)
-    assert told == [
-        ("plan", {"views": 1, "fit": 1}),
-        ("begin", "5", "resizing its photographs"),
-        ("finish", "5", "views"),
-        ("begin", "1", "fitting"),
-        ("name", "1", "fit"),
-        ("go_on", "fit", 0.25),
-    ]
-    assert reader.failed == ""
+def test_a_failure_is_explained_by_the_steps_own_message(folder):
+    with pytest.raises(RunError, match=r"^a\.png: is bad$") as failure:
+        Runner(folder, 1).run(["broken"], Recorder())
+    assert failure.value.step == "broken"
+    log = folder / "logs/a broken step.log"
+    snakefile = folder / "flow/Snakefile"
+    snakefile.write_text(snakefile.read_text().replace("silmesh: a.png: is bad", "ValueError: 3"))
+    with pytest.raises(RunError) as failure:
+        Runner(folder, 1).run(["broken"], Recorder())
+    assert str(failure.value).startswith(f"the step 'broken' ended unexpectedly; {log} says how")
 
 
-def test_a_failure_is_explained_by_the_steps_own_message(tmp_path):
-    reader, _ = read(RUN + FAILURE)
-    log = tmp_path / "logs/views/cup-64-pad.log"
-    log.parent.mkdir(parents=True)
-    log.write_text("# cd x && python\nsilmesh: b.png: odd\nsilmesh: a.png: is bad\nand worse\n")
-    assert Runner(tmp_path, 1)._explain(reader) == "a.png: is bad\nand worse"
-    log.write_text("# cd x && python\nTraceback (most recent call last):\nValueError: 3\n")
-    said = Runner(tmp_path, 1)._explain(reader)
-    assert said.startswith(f"the step 'views' ended unexpectedly; {log} says how")
+def test_what_the_snakefile_says_before_it_ends_is_told(folder):
+    said = "silmesh: another run is at work in /x; wait for its end"
+    (folder / "flow/Snakefile").write_text(f"import sys\nsys.exit({said!r})\n")
+    with pytest.raises(RunError, match=r"^another run is at work in /x; wait for its end$"):
+        Runner(folder, 1).run(["results/cup/mesh.ply"], Recorder())
 
 
-def test_another_run_at_work_is_told_of(tmp_path):
-    reader, _ = read("silmesh: another run is at work in /x; wait for its end\n")
-    assert Runner(tmp_path, 1)._explain(reader).startswith("another run is at work in /x")
+def test_a_snakefile_that_is_none_is_no_beginning(folder):
+    (folder / "flow/Snakefile").write_text("rule all\n")
+    with pytest.raises(RunError, match=r"^Snakemake could not begin; --verbose") as failure:
+        Runner(folder, 1).run(["results/cup/mesh.ply"], Recorder())
+    assert failure.value.step == ""
 
 
-@pytest.mark.parametrize("text", ["", "# command\n", "Traceback\n  silmesh: no\n"])
-def test_a_log_without_a_message(tmp_path, text):
-    (tmp_path / "log").write_text(text)
-    assert _last_message(tmp_path / "log") == ""
+@pytest.mark.parametrize("verbose", [True, False])
+def test_snakemakes_text_is_shown_to_whoever_wants_it(folder, verbose):
+    bar = Recorder()
+    Runner(folder, 1, verbose).run(["results/cup/views"], bar)
+    said = [line for name, *values in bar.told if name == "say" for line in values]
+    assert bool(said) == verbose
+    for line in ("Job stats:", "Job 0: cup: resizing its photographs", "Error in rule fit:"):
+        assert (line in said) == verbose
+    assert not any("\033" in line or '"event"' in line for line in said)
+
+
+def test_the_first_failure_is_told_of():
+    reader = _Reader(Recorder())
+    for rule in ("fit", "judge"):
+        reader.take({"event": "job_error", "jobid": 1, "rule_name": rule, "log": [f"{rule}.log"]})
+    assert (reader.failed, reader.log) == ("fit", "fit.log")
+
+
+def test_the_plugin_by_itself_writes_events_to_standard_output(folder):
+    words = [sys.executable, "-m", "snakemake", "--snakefile", folder / "flow/Snakefile"]
+    words += ["--cores", "1", "--logger", "silmesh", "--quiet", "all", "--", "results/cup/mesh.ply"]
+    done = subprocess.run(words, cwd=folder, capture_output=True, text=True)
+    lines = [line for line in done.stdout.splitlines() if line.startswith("{")]
+    events = [json.loads(line) for line in lines]
+    assert events[0] == {"event": "run_info", "stats": {"fit": 1, "views": 1, "total": 2}}
+    assert events[-1] == {"event": "progress", "done": 2, "total": 2}
+    assert {
+        "event": "job_info",
+        "jobid": 0,
+        "rule_name": "fit",
+        "rule_msg": "cup/mesh: fitting",
+        "wildcards": {"object": "cup", "variant": "mesh"},
+    } in events
+    assert done.stderr == ""
+
+
+def test_a_workflow_that_was_killed_is_told_of(tmp_path):
+    said = Runner(tmp_path, 1)._explain(_Reader(Recorder()), -9)
+    assert said == "the workflow was ended by signal 9; the same command goes on from here"

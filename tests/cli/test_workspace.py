@@ -7,6 +7,7 @@ from surroundings import look_around
 
 from silmesh.cli.workspace import (
     Workspace,
+    claim,
     find_snakefile,
     name_links,
     place_of,
@@ -281,3 +282,21 @@ def test_long_names_are_cut():
 def test_the_workflow_is_found():
     assert find_snakefile().is_file()
     assert (find_snakefile().parent / "workflow/profiles/default/config.yaml").is_file()
+
+
+@pytest.mark.parametrize(
+    "noted",
+    [
+        {"version": ["0.1.0"]},
+        {"version": "0.1.0", "photographs": 5},
+        {"version": "0.1.0", "photographs": [["a.png", "a.png"], 3]},
+        {"version": "0.1.0", "photographs": [["a.png", ["b.png"]]]},
+        {"version": "0.1.0", "datasets.tsv": 7},
+    ],
+)
+def test_a_note_that_is_not_of_silmesh_makes_no_folder_its_own(tmp_path, noted):
+    (tmp_path / "silmesh.json").write_text(json.dumps(noted))
+    before = look_around(tmp_path)
+    with pytest.raises(InputError, match=r"holds silmesh\.json, and is no folder that silmesh"):
+        claim(tmp_path)
+    assert look_around(tmp_path) == before

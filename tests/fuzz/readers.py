@@ -16,6 +16,7 @@ from typing import Any
 
 import av
 import numpy as np
+import pillow_heif
 import torch
 import trimesh
 from PIL import Image, features
@@ -299,6 +300,8 @@ def _image(ending: str, mode: str = "RGB", **options: Any) -> Files:
     image = Image.fromarray(pixels).convert(mode)
     packed = io.BytesIO()
     kind = {"jpg": "JPEG", "tif": "TIFF", "gif.png": "GIF"}.get(ending, ending.upper())
+    if kind == "HEIF":
+        pillow_heif.register_heif_opener()  # from then on Pillow writes it
     image.save(packed, kind, **options)
     return {f"shot.{ending}": packed.getvalue()}
 
@@ -319,7 +322,8 @@ def _images() -> Iterator[Reader]:
              ("tif", "RGB", {"compression": "jpeg"}), ("tif", "F", {}),
              ("tif", "RGBA", {"compression": "tiff_deflate"}), ("webp", "RGB", {"exif": exif}),
              ("webp", "RGBA", {"lossless": True}), ("bmp", "RGB", {}), ("bmp", "P", {}),
-             ("gif.png", "P", {})]  # fmt: skip
+             ("gif.png", "P", {}), ("heif", "RGB", {"exif": exif}),
+             ("heif", "RGBA", {})]  # fmt: skip
     if features.check("avif"):
         kinds.append(("avif", "RGB", {"exif": exif}))
     for ending, mode, options in kinds:

@@ -12,6 +12,7 @@ from silmesh.intake.photographs import (
     find_cameras,
     find_masks,
     find_photographs,
+    find_unread,
     folders_within,
 )
 
@@ -153,6 +154,17 @@ def test_what_lies_beside_photographs_and_is_not_used_is_told_by_kind(tmp_path):
     }
 
 
+def test_photographs_in_formats_that_are_not_read_are_counted_but_not_twins(tmp_path):
+    files = save_series(tmp_path, "a")
+    lost = [tmp_path / name for name in ("IMG_1.CR2", "IMG_2.gif")]
+    for path in [*lost, *(tmp_path / name for name in ("a_1.dng", "a_1.xmp", "notes.txt"))]:
+        path.touch()
+    assert find_unread([tmp_path], files) == lost
+    (said,) = [note for note in find_photographs([tmp_path])[1] if "not read" in note]
+    assert said.endswith(f"`magick mogrify -format jpg {tmp_path}/*.CR2 {tmp_path}/*.gif`")
+    assert set(find_unread(list(tmp_path.iterdir()), files)) == set(lost)
+
+
 def test_what_is_used_otherwise_is_not_told_of(tmp_path, monkeypatch):
     save_series(tmp_path, "a")
     used = [tmp_path / name for name in ("mine.json", "mesh.glb")]
@@ -249,7 +261,8 @@ def test_masks_are_found_if_each_photograph_has_one(tmp_path, place, manner):
     assert find_masks(files) == (
         [],
         [
-            f"not used: {tmp_path / place}: has no mask of cup_2.png (1 of 3 photographs lack one)",
+            f"not used: {tmp_path / place}: has no mask of cup_2.png (1 of 3 photographs lack "
+            "one); draw the rest, or leave those photographs out, to have masks used",
         ],
     )
     masks.append(save(tmp_path / place / names[2]))
@@ -307,3 +320,28 @@ def test_a_mask_folder_is_not_its_own(tmp_path, monkeypatch):
     assert find_masks(files) == ([], [])
     assert find_photographs([tmp_path / "masks"])[0] == files
     assert os.listdir(tmp_path) == ["masks"]
+
+
+def test_links_that_lead_nowhere_are_told_of(tmp_path):
+    files = save_series(tmp_path, "a")
+    (tmp_path / "a_9.jpg").symlink_to("elsewhere.jpg")
+    assert find_photographs([tmp_path]) == (files, ["not used: a_9.jpg: links that lead nowhere"])
+
+
+def test_no_advice_would_write_over_photographs(tmp_path):
+    files = [save(tmp_path / f"a_{i}.jpg") for i in range(3)]
+    files[1].write_bytes(b"no image")
+    said = describe_count(files)
+    assert "2 photographs; 1 more cannot be read: a_1.jpg" in said
+    assert said.endswith("Get them anew")
+
+
+def test_photographs_that_are_not_read_are_counted_but_for_twins(tmp_path):
+    files = save_series(tmp_path, "a")
+    for name in ("a_0.dng", "a_1.xmp", "b_1.CR2", "b_2.jxl", "notes.txt", "film.mov", ".b.cr2"):
+        (tmp_path / name).touch()
+    (tmp_path / "a_9.jpg").symlink_to("elsewhere.jpg")
+    unread = ["a_9.jpg", "b_1.CR2", "b_2.jxl"]
+    assert [path.name for path in find_unread([tmp_path], files)] == unread
+    named = [*files, tmp_path / "b_1.CR2", tmp_path / "notes.txt"]
+    assert [path.name for path in find_unread(named, files)] == ["b_1.CR2"]

@@ -5,7 +5,6 @@ import pytest
 from PIL import Image
 
 from silmesh.errors import InputError
-from silmesh.intake import sources
 from silmesh.intake.sources import Look, choose_cameras, choose_silhouettes, look
 
 GRID = np.indices((96, 128)).transpose(1, 2, 0)
@@ -52,7 +51,7 @@ def test_a_plain_background_lit_unevenly(tmp_path):
     assert seen.plain
     assert seen.still
     assert not seen.cut_out
-    assert choose_silhouettes(seen, False, "x")[0] == "threshold"
+    assert choose_silhouettes(seen, [], "x")[0] == "threshold"
     assert choose_cameras(seen)[0] == ("calibrate", "auto")
 
 
@@ -77,16 +76,18 @@ def test_sizes_that_differ_are_no_still_camera(tmp_path):
 
 def test_what_is_cut_out(tmp_path):
     seen = look(photographs(tmp_path, [clutter(9.0 * i) for i in range(3)], alpha=True))
-    assert choose_silhouettes(seen, False, "x")[0] == "alpha"
-    assert choose_silhouettes(seen, True, "x")[0] == "mask"
+    assert choose_silhouettes(seen, [], "x")[0] == "alpha"
+    masks = [tmp_path / f"masks/{i}.png" for i in range(3)]
+    chosen = "mask", f"each photograph has one, as {tmp_path}/masks/0.png"
+    assert choose_silhouettes(seen, masks, "x") == chosen
     assert choose_cameras(seen)[0] == ("calibrate", "auto")
 
 
 def test_without_the_foreground_model_what_to_install_is_said(monkeypatch):
     seen = Look(noise=30.0, change=20.0, cut_out=False)
-    monkeypatch.setattr(sources, "find_spec", lambda name: None)
+    monkeypatch.setattr("silmesh.feasible.find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"photos: the background is not plain: .* by 30 of 255"):
-        choose_silhouettes(seen, False, "photos")
+        choose_silhouettes(seen, [], "photos")
 
 
 @pytest.mark.data

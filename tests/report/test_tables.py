@@ -72,10 +72,13 @@ def test_published_curves_by_object_and_variant(tmp_path):
     ("text", "message"),
     [
         ("object,variant,loss\n", "lacks iteration"),
-        ("", "cannot be read"),
-        ("object,variant,iteration,loss\na,b,0,x\n", "column 'loss': should be numbers, not 'x'"),
-        ("object,variant,iteration,loss\na,b,inf,1\n", "column 'iteration': should be numbers"),
-        ("object,variant,iteration,loss\na,b,0,\n", "column 'loss': should be numbers, not 'nan'"),
+        ("", "lacks object, variant, iteration, loss"),
+        ("object,variant,iteration,loss\na,b,0,x\n", "line 2: loss: should be a number, not 'x'"),
+        (
+            "object,variant,iteration,loss\na,b,inf,1\n",
+            "line 2: iteration: should be a number, not 'inf'",
+        ),
+        ("object,variant,iteration,loss\na,b,0,\n", "line 2: loss: should be a number, not ''"),
         ("object,variant,iteration,loss\n\xff\0,b,0,1\na,b,0,1,2,3\n", "cannot be read as a table"),
     ],
 )

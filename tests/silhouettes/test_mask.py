@@ -1,4 +1,5 @@
 import io
+import re
 
 import numpy as np
 import pytest
@@ -76,6 +77,22 @@ def test_a_mask_of_several_labels_is_refused_with_them(labels):
         find_levels(values, "m.png")
     for value in (0, *labels):
         assert f" {value} (" in str(error.value)
+
+
+@pytest.mark.parametrize("palette", [False, True])
+def test_the_line_of_python_that_is_advised_for_labels_works(tmp_path, monkeypatch, palette):
+    labels = Image.fromarray(np.where(LEFT, 1, SHAPE * 15).astype(np.uint8))
+    if palette:
+        labels.putpalette([v for i in range(16) for v in (i * 8, 0, 0)])
+    monkeypatch.chdir(tmp_path)
+    labels.save("m.png")
+    with pytest.raises(SeveralValuesError) as error:
+        find_levels(np.asarray(Image.open("m.png").convert("L")), "m.png")
+    line, alone = re.findall("`(.*?)`", str(error.value))
+    exec(line)
+    assert (np.asarray(Image.open("new.png")) == ELLIPSE * 255).all()
+    exec(re.sub(r"v > 0", alone, line))
+    assert (np.asarray(Image.open("new.png")) == (ELLIPSE & ~LEFT) * 255).all()
 
 
 @pytest.mark.parametrize("quality", [5, 30, 75, 95])

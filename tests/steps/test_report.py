@@ -80,7 +80,6 @@ def test_tables_figure_pictures_and_page_from_results(results):
         picture.main(
             f"--mesh {results}/{run}/mesh.ply --cameras {results}/{run}/cameras.json"
             f" --first {results}/box-1/stages/first/first.ply --scene {results}/{JUDGED}"
-            ' --settings {"preset":"softras"}'
             f" --output {made}/pictures/{run}.png --gif {made}/turntables/{run}.gif"
             f" --mp4 {made}/turntables/{run}.mp4 --exhibit {made}/exhibits/{run}.json".split()
         )

@@ -392,7 +392,7 @@ def bend(old, new, K, lens):
     K = K.numpy()
     pixels = np.stack(np.meshgrid(np.arange(SIZE), np.arange(SIZE)), axis=-1) + 0.5
     at = lens.undistort((pixels - K[:2, 2]) / K[[0, 1], [0, 1]]) * K[[0, 1], [0, 1]] + K[:2, 2]
-    at = at.astype(int).clip(0, SIZE - 1)
+    at = np.nan_to_num(at.clip(0, SIZE - 1)).astype(int)  # NaN where the lens does not look
     save(new, np.asarray(Image.open(old))[at[..., 1], at[..., 0]])
 
 
@@ -424,6 +424,16 @@ def test_all_reasons_are_told_when_every_attempt_fails(results, tmp_path):
     pictures = {"views": results / "views", "silhouettes": results / "silhouettes"}
     with pytest.raises(InputError, match=r"no texture\n  .*/b: (the cameras|view 'v0':)"):
         call(scene, **pictures, cameras=[tmp_path / "a", tmp_path / "b"], output=tmp_path / "s")
+
+
+def test_reasons_that_differ_in_figures_alone_are_told_once(results, tmp_path):
+    reasons = {"a": "4 pairs fit", "b": "no turntable", "c": "9 pairs fit"}
+    for name, reason in reasons.items():
+        write_attempt(tmp_path / name, Attempt("colmap", None, refusal=reason))
+    pictures = {"views": results / "views", "silhouettes": results / "silhouettes"}
+    cameras = [tmp_path / name for name in reasons]
+    with pytest.raises(InputError, match=r"found:\n  9 pairs fit\n  no turntable$"):
+        call(scene, **pictures, cameras=cameras, output=tmp_path / "s")
 
 
 def test_why_an_attempt_is_taken_is_told(results, tmp_path, capsys):

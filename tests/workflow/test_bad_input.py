@@ -310,3 +310,15 @@ def test_a_place_for_results_that_is_a_file(fresh, name):
     assert status == 2
     assert message(said) == f"silmesh: {fresh / name}: is a file; should be a folder"
     assert (fresh / name).read_text() == "a person's"
+
+
+def test_weights_of_ones_own_are_never_fetched_anew(fresh):
+    weights = fresh / "resources/weights/mine.onnx"
+    weights.parent.mkdir(parents=True)
+    weights.write_bytes(b"of a training of months")
+    fresh.edit("config/datasets.tsv", "mask\tturntable", "matting\tturntable")
+    with open(fresh / "config/config.yaml", "a") as config:
+        config.write("matting: {model: resources/weights/mine.onnx}\n")
+    assert "fetch_weights" not in fresh.run("--dry-run", "--forceall")
+    assert refusal(fresh, "--force", "resources/weights/mine.onnx")
+    assert weights.read_bytes() == b"of a training of months"

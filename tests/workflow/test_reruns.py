@@ -73,7 +73,7 @@ def test_what_changes_nothing_reruns_nothing(project):
             "report report"}),
         ("shapes/place.py", "REPORT_RADIUS = 90", "REPORT_RADIUS = 91", FROM_FIRST),
         ("scene.py", '"scale": similarity', '"size": 1, "scale": similarity', FROM_SCENE),
-        ("silhouettes/mask.py", "max() // 2", "max() // 3", FROM_SILHOUETTES),
+        ("silhouettes/mask.py", "WIDE = 4", "WIDE = 5", FROM_SILHOUETTES),
         ("softras/cpu.py", "WINDOW = 64", "WINDOW = 32", FROM_SCENE),
         ("softras/colours.py", "EPSILON = 1e-3", "EPSILON = 2e-3", set()),
         ("cameras/turntable.py", "HALF_ANGLE = 15.0", "HALF_ANGLE = 14.0", FROM_CAMERAS),
@@ -85,6 +85,19 @@ def test_what_changes_nothing_reruns_nothing(project):
 )  # fmt: skip
 def test_code_reruns_the_steps_that_import_it(project, path, old, new, expected):
     project.edit(f"src/silmesh/{path}", old, new)
+    assert project.outdated() == expected
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("Field(0.01, description=", "Field(0.02, description=", from_fit(*VARIANTS)),
+        ("Field(0.5, description=", "Field(0.6, description=", set()),  # of the other preset
+        ('2000, description="steps"', '2000, description="steps of Adam"', set()),
+    ],
+)
+def test_a_default_reruns_the_stage_that_is_told_it(project, old, new, expected):
+    project.edit("src/silmesh/settings/fit.py", old, new)
     assert project.outdated() == expected
 
 

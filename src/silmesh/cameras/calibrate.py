@@ -27,7 +27,7 @@ from silmesh.cameras.turning import (
     Turntable,
     mirrored,
 )
-from silmesh.errors import InputError
+from silmesh.errors import NAMED, InputError, name_some
 from silmesh.progress import Share, untold, within
 from silmesh.views import View
 
@@ -46,7 +46,6 @@ FIXED = np.array([2.0, 1.0, 1.0, 0.5, 0.3])  # standard deviations up to which t
 LEVEL = 3.0  # degrees of elevation under which a mirrored object fits as well
 ALIKE = 0.35  # pixels: silhouettes that differ by less are all the same
 REPEATED = 0.05  # of the usual change from view to view: by less, a photograph came twice
-LISTED = 3  # views that a warning names
 LATHE = (
     "all silhouettes are the same, as of a thing turned on a lathe that stands on the axis: they "
     "show the axis, and neither elevation, perspective, step nor direction"
@@ -304,7 +303,9 @@ def _find_repeated(silhouettes: np.ndarray, views: Sequence[str]) -> list[str]:
     if not len(twice):
         return []
     pairs = [f"{views[i]!r} and {views[i + 1]!r}" for i in twice]
-    return [f"{_list(pairs)} show the same silhouette: if a photograph came twice, leave one out"]
+    return [
+        f"{name_some(pairs)} show the same silhouette: if a photograph came twice, leave one out"
+    ]
 
 
 def _find_cut(turn: Turntable, views: Sequence[str]) -> list[str]:
@@ -312,13 +313,8 @@ def _find_cut(turn: Turntable, views: Sequence[str]) -> list[str]:
     cut = np.flatnonzero(turn.outlines.cut)
     if not len(cut):
         return []
-    names = _list([repr(views[i]) for i in cut])
+    names = name_some([repr(views[i]) for i in cut])
     return [f"the frame cuts the object in {len(cut)} of {len(views)} views: {names}"]
-
-
-def _list(items: Sequence[str]) -> str:
-    more = f" and {len(items) - LISTED} more" if len(items) > LISTED else ""
-    return ", ".join(items[:LISTED]) + more
 
 
 def _refuse_incoherent(turn: Turntable, misses: Misses, said: Sequence[str]) -> None:
@@ -455,7 +451,7 @@ def _warn_of_misses(
 ) -> list[str]:
     if rms <= SUSPECT * turn.size / 256:
         return []
-    worst = sorted(range(len(views)), key=lambda i: -view_rms[i])[:LISTED]
+    worst = sorted(range(len(views)), key=lambda i: -view_rms[i])[:NAMED]
     listed = ", ".join(f"{views[i]!r} ({view_rms[i]:.2g})" for i in worst)
     return [
         f"the outlines miss each other by {rms:.2g} pixels; the views that miss most are "

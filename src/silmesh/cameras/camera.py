@@ -38,6 +38,7 @@ MOST = 20_000  # cameras in a file
 WIDEST = 1_000_000  # pixels of a photograph
 LARGEST = 1e15  # of a number in a file, whose cube is still one
 ROUNDING = 1e-4  # that is let pass in a rotation matrix: four decimals
+OPENGL = np.diag([1.0, -1.0, -1.0])  # from OpenGL's camera axes (y up, looking along -z) to ours
 MIRROR = (1.0, 1.0, -1.0)  # from a left-handed world to its mirror image, which is right-handed
 OBJECT_RADIUS = 0.5  # of the sphere about the origin that holds the object in the normalised world
 FIRST_SCALE = 2.0  # a first mesh is kept this many times as large as it is fitted, as the report's

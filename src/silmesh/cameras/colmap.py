@@ -18,7 +18,7 @@ from silmesh.cameras.features import POOR
 from silmesh.cameras.lens import Lens, lens_of
 from silmesh.cameras.stages import Report
 from silmesh.cameras.upright import azimuths, find_up, turn_upright
-from silmesh.errors import InputError, blaming
+from silmesh.errors import InputError, blaming, name_some
 from silmesh.views import View
 
 REGISTERED = 0.5  # of the views, below which the attempt is refused
@@ -181,9 +181,9 @@ def warn(
     """What a person should know of cameras that were not refused."""
     said = []
     if dropped:
-        names = ", ".join(list(dropped)[:8]) + (", ..." if len(dropped) > 8 else "")
         said.append(
-            f"{len(dropped)} of {len(views)} photographs have no camera and are left out: {names}"
+            f"{len(dropped)} of {len(views)} photographs have no camera and are left out: "
+            f"{name_some(list(dropped), 8)}"
         )
     error = figures["reprojection_error"] * 1000 / figures["longer_side"]
     if error > BLURRED:

@@ -9,6 +9,7 @@ import hashlib
 import shutil
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -156,10 +157,11 @@ def _read_focal(path: Path) -> float | None:
 
 
 def _read_focal_by_pillow(path: Path) -> float | None:
-    """The same, of what COLMAP does not read."""
-    with open_image(path) as image:
-        on_film = image.getexif().get_ifd(PIL.ExifTags.IFD.Exif).get(FOCAL_ON_FILM)
-        return float(on_film / FILM * np.hypot(*image.size)) if on_film else None
+    """The same, of what COLMAP does not read; None also where EXIF is damaged."""
+    with suppress(Exception), open_image(path) as image:
+        on_film = float(image.getexif().get_ifd(PIL.ExifTags.IFD.Exif)[FOCAL_ON_FILM])
+        return on_film / FILM * float(np.hypot(*image.size)) if 0 < on_film < np.inf else None
+    return None
 
 
 def _find_repeated(found: Sequence[Photograph]) -> dict[str, str]:

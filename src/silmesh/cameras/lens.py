@@ -42,7 +42,7 @@ CURVED = {  # the parameters beyond K
 PARAMETERS = CURVED | {"BROWN": ("k1", "k2", "k3", "k4", "p1", "p2")}
 NAMES = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "s1", "s2", "omega")
 STRANGE = re.compile(  # names of what a file may say of lenses, shutters and projections
-    r"[kpsb]\d+|xi|omega|alpha|lens|lens_(mode|model|type)|shift_[xy]|camera_type|projection"
+    r"[kpsb]\d+|d|xi|omega|alpha|lens|lens_(mode|model|type)|shift_[xy]|camera_type|projection"
     r"|dist_?co.*|transform_matrix_(start|end)"
     r"|.*(distort|fisheye|theta|shutter|ortho|equirect|latlong|panoram|spherical|cylind|skew).*",
     re.IGNORECASE,

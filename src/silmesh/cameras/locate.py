@@ -9,8 +9,8 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from silmesh.cameras.unread import find_within, recognise_file
-from silmesh.errors import InputError
+from silmesh.cameras.unread import find_within, read_beginning, recognise_file
+from silmesh.errors import InputError, name_some
 
 COLMAP = ("cameras", "images")  # stems of a model's two files
 WITHIN = ("", "sparse", "colmap/sparse", "colmap", "dense/sparse")  # where models lie in a folder
@@ -45,7 +45,6 @@ ALONE = (  # files without a name of their own, taken where there is one: what t
     ("*.csv", b"#name,"),
     ("transforms*.json", b""),
 )
-BEGINNING = 1024  # bytes of a file that are looked at
 LIST = ("list.txt", "*.list.txt", "*list*.txt", "*.lst")  # of a Bundler file's photographs
 LLFF = 17  # numbers a view in its array
 KNOWN = (
@@ -143,13 +142,8 @@ def find_lists(path: Path) -> list[Path]:
 
 def _count_columns(path: Path) -> int | None:
     """How many columns an array has by the header of its ``.npy`` file; None if it has no such."""
-    shape = re.search(rb"'shape': \(\d{1,9}, (\d{1,9})\)", _read_beginning(path))
+    shape = re.search(rb"'shape': \(\d{1,9}, (\d{1,9})\)", read_beginning(path))
     return int(shape[1]) if shape else None
-
-
-def _read_beginning(path: Path) -> bytes:
-    with open(path, "rb") as file:
-        return file.read(BEGINNING)
 
 
 def _find_within(folder: Path) -> Located | None:
@@ -174,9 +168,9 @@ def _find_alone(folder: Path) -> Path | None:
     """The one file of a format whose files are named as one likes."""
     for pattern, marker in ALONE:
         files = sorted(file for file in folder.glob(pattern) if file.is_file())
-        files = [file for file in files if marker in _read_beginning(file)]
+        files = [file for file in files if marker in read_beginning(file)]
         if len(files) > 1:
-            names = ", ".join(file.name for file in files[:4]) + ", ..." * (len(files) > 4)
+            names = name_some([file.name for file in files])
             raise InputError(f"{folder}: holds {len(files)} files of cameras; name one of {names}")
         if files:
             return files[0]

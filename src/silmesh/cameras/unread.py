@@ -185,7 +185,7 @@ def find_within(folder: Path) -> tuple[Path, Unread] | None:
     """The first file or folder in a folder that is known and not read, and what it is."""
     for pattern, marker, unread in WITHIN:
         for found in sorted(folder.glob(pattern))[:1]:
-            if not marker or marker in _read_beginning(found):
+            if not marker or marker in read_beginning(found):
                 return found.parent if "*" in pattern else found, unread
     for file in sorted(folder.iterdir()):
         if unread := recognise_file(file):
@@ -193,6 +193,7 @@ def find_within(folder: Path) -> tuple[Path, Unread] | None:
     return None
 
 
-def _read_beginning(path: Path) -> bytes:
+def read_beginning(path: Path) -> bytes:
+    """What a file's format is told by."""
     with open(path, "rb") as file:
         return file.read(BEGINNING)

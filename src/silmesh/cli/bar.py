@@ -41,11 +41,11 @@ START = 5.0  # seconds of the listed speed that are believed before anything is 
 
 @dataclass
 class _Job:
-    """A job at work: what it does, its rule or "", when it began, how far it says that it is."""
+    """A job at work: its rule, what it does, when it began, how far it says that it is."""
 
+    rule: str
     what: str
     began: float
-    rule: str = ""
     share: float = 0.0
 
 
@@ -63,7 +63,7 @@ class Bar:
     def __init__(self, views: int, source: str, stream: TextIO = sys.stderr):
         self._views, self._source, self._stream = views, source, stream
         self._left: dict[str, int] = {}  # jobs of each rule that are not done
-        self._running: dict[str, _Job] = {}
+        self._running: dict[int, _Job] = {}  # by their number
         self._done = 0.0  # in seconds of the listed speed
         self._start = time.monotonic()
         self._pace = 1.0  # seconds that pass for one of the listed speed
@@ -85,16 +85,11 @@ class Bar:
         """Set how many jobs of each rule there are to do."""
         self._left, self._done, self._start = dict(jobs), 0.0, time.monotonic()
 
-    def begin(self, job: str, what: str) -> None:
+    def begin(self, job: int, rule: str, what: str) -> None:
         """A job begins."""
-        self._running[job] = _Job(what, time.monotonic())
+        self._running[job] = _Job(rule, what, time.monotonic())
         self._what = what
         self.draw()
-
-    def name(self, job: str, rule: str) -> None:
-        """A job that begins is of this rule."""
-        if job in self._running:
-            self._running[job].rule = rule
 
     def go_on(self, rule: str, share: float) -> None:
         """A job of a rule says how far it is, from 0 to 1."""
@@ -103,14 +98,14 @@ class Bar:
                 job.share = share
         self.draw()
 
-    def finish(self, job: str, rule: str) -> None:
+    def finish(self, job: int) -> None:
         """A job ends."""
-        ended = self._running.pop(job, None)
-        if ended and self._drawn.disable:
+        ended = self._running.pop(job)
+        if self._drawn.disable:
             self.say(f"silmesh: {ended.what}: {time.monotonic() - ended.began:.1f} s")
-        if self._left.get(rule):
-            self._left[rule] -= 1
-            self._done += self._expect(rule)
+        if self._left.get(ended.rule):
+            self._left[ended.rule] -= 1
+            self._done += self._expect(ended.rule)
         passed = time.monotonic() - self._start
         self._pace = (passed + START) / (self._done + START)
         self.draw()

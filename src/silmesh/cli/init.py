@@ -96,7 +96,7 @@ def _describe(photographs: Path, folder: Path) -> tuple[dict[str, str], list[str
     row = {"object": to_name(photographs.name), "images": photographs.name}
     if masks:
         row["masks"] = os.path.relpath(masks[0].parent, folder)
-    row["silhouettes"], _ = choose_silhouettes(seen, bool(masks), str(photographs))
+    row["silhouettes"], _ = choose_silhouettes(seen, masks, str(photographs))
     tries, _ = choose_cameras(seen)
     return row | {"cameras": tries[0]}, [*notes, *lacking, *find_cameras(files)]
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from silmesh.cameras.locate import locate
 from silmesh.cli.bar import Bar
 from silmesh.cli.outcome import (
     advise_on_cameras,
@@ -28,10 +29,13 @@ from silmesh.intake.photographs import (
     find_cameras,
     find_masks,
     find_photographs,
+    find_unread,
+    is_picture,
     is_video,
 )
 from silmesh.intake.sources import COHERENT, choose_cameras, choose_silhouettes, look
 from silmesh.settings.section import own_file
+from silmesh.silhouettes.mask import refuse_labels
 from silmesh.silhouettes.weights import CACHE
 
 VIDEO = "video"  # folder of what a video is cut into; no masks lie beside it
@@ -40,6 +44,7 @@ OTHER_CACHE = f"--keep FOLDER works in another one, and ${CACHE} may name anothe
 PAGE = "results/report/report.html"
 RESULTS = ("mesh.glb", "mesh.obj", "metrics.json")
 FILE = "file"  # the source of cameras that a path follows
+MASK = "mask"  # the source of silhouettes that are files
 BEFORE_CAMERAS = ("", "views", "fetch_weights", "silhouettes")  # other cameras do not mend these
 
 
@@ -75,14 +80,17 @@ def make_mesh(
     folder, name = place_of(paths, keep)
     try_workspace(folder, OTHER_KEEP if keep else OTHER_CACHE)
     besides = [output, page, masks, _path_of(cameras), folder]
-    files, notes = find_photographs(_cut_video(paths, folder), [path for path in besides if path])
+    named = _cut_video(paths, folder)
+    files, notes = find_photographs(named, [path for path in besides if path])
     found, lacking = _find_masks(files, masks, silhouettes)
     known = [] if _path_of(cameras) else find_cameras(files)
     _say(describe_count(files), *notes, *lacking, *known)
-    silhouettes, tries = _choose(files, bool(found), silhouettes, cameras)
-    _refuse_inputs((output, page), (*files, *found))
+    silhouettes, tries = _choose(files, found, silhouettes, cameras)
+    if silhouettes == MASK:
+        refuse_labels(found)
     work = Workspace(folder, name, tuple(files), tuple(found))
     work.check(*_configure(silhouettes, tries[0], options)[1:])
+    _refuse_inputs((output, page), (*paths, *files, *found, *_list_files(cameras)))
     if before := work.prepare():
         _say(f"the results in {work.folder} are of silmesh {before}; what changed is made anew")
     runner = Runner(work.folder, cores, verbose)
@@ -99,15 +107,22 @@ def make_mesh(
     metrics = _read(work, variant)
     if metrics["cameras"]["source"] == FILE:
         _say(*(_as_written(warning, tries[0]) for warning in metrics["cameras"]["warnings"]))
-    click.echo(describe(output, metrics))
-    for doubt in find_doubts(metrics, work.folder / "results", tried):
-        _say(f"doubtful: {doubt}")
+    unread = len(find_unread(named, files))
+    doubts = find_doubts(metrics, work.folder / "results", tried, unread)
+    click.echo(describe(output, metrics, doubts))
+    _say(*(f"doubtful: {doubt}" for doubt in doubts))
 
 
 def _path_of(cameras: str | None) -> Path | None:
     """The file or folder that cameras are read from, if they are."""
     _, _, path = (cameras or "").partition(":")
     return Path(path) if path else None
+
+
+def _list_files(cameras: str | None) -> Sequence[Path]:
+    """The files that cameras are read from, if they are."""
+    path = _path_of(cameras)
+    return locate(path).files if path else ()
 
 
 def _try_outputs(output: Path, page: Path | None) -> None:
@@ -120,8 +135,15 @@ def _try_outputs(output: Path, page: Path | None) -> None:
     try_file(output)
     if page:
         try_file(page)
-        if page.absolute() == output.absolute():
+        if os.path.lexists(page) and is_picture(page):
+            raise InputError(f"{page}: is a picture or a video; should be the page to write")
+        if _place_of(page) == _place_of(output):
             raise InputError(f"{page}: should be another file than that of the mesh")
+
+
+def _place_of(file: Path) -> Path:
+    """Where a file lies, however its folder is named; what is written there replaces a link."""
+    return Path(os.path.realpath(file.parent), file.name)
 
 
 def _refuse_inputs(outputs: Sequence[Path | None], files: Sequence[Path]) -> None:
@@ -129,9 +151,7 @@ def _refuse_inputs(outputs: Sequence[Path | None], files: Sequence[Path]) -> Non
     read = {os.path.realpath(file) for file in files}
     for output in filter(None, outputs):
         if os.path.realpath(output) in read:
-            raise InputError(
-                f"{output}: is one of the photographs or masks; should be another file"
-            )
+            raise InputError(f"{output}: is one of the files that are read; should be another one")
 
 
 def _cut_video(paths: Sequence[Path], folder: Path) -> Sequence[Path]:
@@ -153,7 +173,7 @@ def _find_masks(
     Raises:
         InputError: masks are given, and a photograph has none or the silhouettes are others
     """
-    if silhouettes in (None, "mask"):
+    if silhouettes in (None, MASK):
         return find_masks(files, given)
     if given:
         raise InputError(
@@ -166,7 +186,7 @@ def _find_masks(
 
 
 def _choose(
-    files: Sequence[Path], masked: bool, silhouettes: str | None, cameras: str | None
+    files: Sequence[Path], masks: Sequence[Path], silhouettes: str | None, cameras: str | None
 ) -> tuple[str, tuple[str, ...]]:
     """The source of silhouettes and those of cameras, given or chosen, which is said."""
     if silhouettes and cameras:
@@ -174,7 +194,7 @@ def _choose(
     seen = look(files)
     tries = (cameras,) if cameras else ()
     if not silhouettes:
-        silhouettes, why = choose_silhouettes(seen, masked, str(files[0].parent))
+        silhouettes, why = choose_silhouettes(seen, masks, str(files[0].parent))
         _say(f"silhouettes: {silhouettes} ({why})")
     if not tries:
         tries, why = choose_cameras(seen)

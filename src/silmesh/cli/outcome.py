@@ -1,20 +1,21 @@
 """What a run came to, in one line, and what to do where it is doubtful; the mesh as a file."""
 
-import os
+import re
 import shutil
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from shlex import quote
 from typing import Any
 
-from silmesh.errors import InputError
+from silmesh.errors import NAMED, InputError, name_some
 from silmesh.files import replacing
+from silmesh.naming import quote
 
 SUFFIXES = (".glb", ".obj", ".ply", ".stl")
 HULL, MEAN, WORST = 0.9, 0.95, 0.85  # IoU below which cameras, the fit and a view are doubted
-NAMED = 3  # views, at most
 FEWEST = 8  # photographs, below which a hull of true silhouettes holds much that is not the object
 CONTRADICTED = 0.1  # of the views: more whose colours contradict their silhouettes are a doubt
+UNUSED = 0.2  # of all photographs: more that have no part in the mesh are a doubt
 CALIBRATE, COLMAP = "calibrate", "colmap"
 SOURCES = {CALIBRATE: {CALIBRATE}, COLMAP: {COLMAP}, "auto": {CALIBRATE, COLMAP}}
 WHEN = {  # other cameras are worth a try
@@ -27,24 +28,22 @@ KNOWN = "give known cameras by --cameras file:PATH"
 
 
 def refuse_suffix(output: Path) -> None:
-    """Refuse to write a mesh in a format that is not known, or where a folder is."""
+    """Refuse to write a mesh in a format that is not known."""
     if output.suffix.lower() not in SUFFIXES:
         raise InputError(f"{output}: should end in {', '.join(SUFFIXES)}, which names the format")
-    if os.path.isdir(output):
-        raise InputError(f"{output}: is a folder; should be the file to write")
 
 
-def describe(output: Path, metrics: Mapping[str, Any]) -> str:
-    """The quality in one line."""
+def describe(output: Path, metrics: Mapping[str, Any], doubts: Sequence[str]) -> str:
+    """The quality in one line; ``doubts`` are those of ``find_doubts``."""
     said = []
     if count := metrics["views_repaired"]:
         said.append(f"{count} redrawn")
     if count := metrics["views_dropped"]:
         lost = [f"{view}, {why}" for view, why in metrics["cameras"]["dropped"].items()]
-        named = "; ".join(lost[:NAMED]) + ("; ..." if lost[NAMED:] else "")
+        named = "; ".join(lost[:NAMED]) + ("; ..." if lost[NAMED:] else "")  # they have commas
         said.append(f"{count} more left out: {named}")
     views = f"{metrics['views']} photographs" + (f" ({', '.join(said)})" if said else "")
-    quality = "good" if not find_doubts(metrics, Path()) else "doubtful"
+    quality = "doubtful" if doubts else "good"
     whole = "closed" if metrics["watertight"] else "not closed"
     return (
         f"{output}: {quality}; its outline is the object's to {metrics['iou_mean']:.1%} (IoU) in "
@@ -52,13 +51,16 @@ def describe(output: Path, metrics: Mapping[str, Any]) -> str:
     )
 
 
-def find_doubts(metrics: Mapping[str, Any], folder: Path, tried: Sequence[str] = ()) -> list[str]:
+def find_doubts(
+    metrics: Mapping[str, Any], folder: Path, tried: Sequence[str] = (), unread: int = 0
+) -> list[str]:
     """What is doubtful about a mesh, each with what to do.
 
     Args:
         metrics: of ``metrics.json``
         folder: of the results, for paths
         tried: the sources of cameras that were tried, beside that of the mesh
+        unread: how many photographs were given in formats that are not read
     """
     silhouettes = folder / metrics["silhouettes"]
     doubts = list(metrics.get("measured", ()))  # results of before have none
@@ -67,25 +69,21 @@ def find_doubts(metrics: Mapping[str, Any], folder: Path, tried: Sequence[str] =
         doubts.append(
             f"cameras and silhouettes contradict each other: no body fills more than "
             f"{metrics['hull_iou_mean']:.0%} of these. Look at the silhouettes in "
-            f"{quote(str(silhouettes))}: where they are not the object's, give --masks or other "
+            f"{quote(silhouettes)}: where they are not the object's, give --masks or other "
             f"--silhouettes; where they are, {TURNED if turns else OTHERWISE}: "
             + _advise_others([*tried, *_list_sources(metrics["cameras"])])
         )
-    elif metrics["iou_mean"] < MEAN:
+    elif metrics["iou_mean"] < MEAN and metrics["views"] >= FEWEST and not doubts:
         doubts.append("the fit ended early: try --init auto")
     worst = sorted(metrics["iou"], key=metrics["iou"].get)
     worst = [view for view in worst if metrics["iou"][view] < WORST][:NAMED]
     if worst and metrics["hull_iou_mean"] >= HULL:
         doubts.append(
             f"the mesh misses the object in {', '.join(worst)}: look at their silhouettes in "
-            f"{quote(str(silhouettes))}, and leave out photographs that show it wrongly"
+            f"{quote(silhouettes)}, and leave out photographs that show it wrongly"
         )
-    if metrics["views_dropped"] > metrics["views"] / 4:
-        doubts.append(
-            f"{metrics['views_dropped']} of {metrics['views'] + metrics['views_dropped']} "
-            "photographs are left out, because the others contradict them: other --silhouettes or "
-            "--masks may save them"
-        )
+    if unused := _describe_unused(metrics, unread):
+        doubts.append(unused)
     if metrics["views"] < FEWEST:
         doubts.append(
             f"{metrics['views']} photographs leave much of the shape open, however well it fills "
@@ -94,7 +92,7 @@ def find_doubts(metrics: Mapping[str, Any], folder: Path, tried: Sequence[str] =
     if contradicted := _name_contradicted(metrics):
         doubts.append(
             f"along the outlines of {contradicted} the photographs change little, or more beside "
-            f"it: look at the silhouettes in {quote(str(silhouettes))}. A shadow or a reflection "
+            f"it: look at the silhouettes in {quote(silhouettes)}. A shadow or a reflection "
             "that passes for the object wants --silhouettes matting or --masks, masks that lie "
             "beside the object or are another photograph's the right ones"
         )
@@ -103,13 +101,34 @@ def find_doubts(metrics: Mapping[str, Any], folder: Path, tried: Sequence[str] =
     return doubts
 
 
+def _describe_unused(metrics: Mapping[str, Any], unread: int) -> str:
+    """Why photographs have no part in the mesh, if they are more than a few."""
+    kinds = defaultdict(list)
+    for view, why in metrics["cameras"]["dropped"].items():
+        kinds[re.sub(r"'[^']*'|\d+", "", why)].append(f"{view}: {why}")
+    unused = unread + sum(map(len, kinds.values()))
+    if unused <= UNUSED * (metrics["views"] + unused):
+        return ""
+    reasons = [f"{unread} are in formats that are not read"] * bool(unread)
+    for views in sorted(kinds.values(), key=len, reverse=True):
+        reasons.append(f"{len(views)} as {views[0]}" if views[1:] else views[0])
+    remedies = ["save those as JPEG or PNG"] * bool(unread)
+    remedies += [
+        "get anew what cannot be read",
+        "other --silhouettes or --masks may save what others deny",
+    ] * bool(kinds)
+    return (
+        f"{unused} of {metrics['views'] + unused} photographs are not used ({'; '.join(reasons)}): "
+        + "; ".join(remedies)
+    )
+
+
 def _name_contradicted(metrics: Mapping[str, Any]) -> str:
     """The views of which the colours contradict the silhouettes, if they are more than a few."""
     views = metrics.get("silhouettes_contradicted", ())  # results of before have none
     if len(views) <= CONTRADICTED * metrics["views"]:
         return ""
-    named = ", ".join(views[:NAMED]) + (f" and {len(views) - NAMED} more" if views[NAMED:] else "")
-    return f"{named} ({len(views)} of {metrics['views']})"
+    return f"{name_some(views)} ({len(views)} of {metrics['views']})"
 
 
 def advise_on_cameras(silhouettes: Path, tried: Sequence[str], measured: bool) -> str:
@@ -131,7 +150,7 @@ def advise_on_cameras(silhouettes: Path, tried: Sequence[str], measured: bool) -
     else:
         then = f"Where they are: {_advise_others(tried)}"
     return (
-        f"what to do: look at the silhouettes in {quote(str(silhouettes))}; where they are not the "
+        f"what to do: look at the silhouettes in {quote(silhouettes)}; where they are not the "
         f"object's, give --masks or other --silhouettes. {then}"
     )
 

@@ -1,19 +1,23 @@
 """Runs the workflow in a folder, follows it, and says in one message why it failed if it did.
 
 Snakemake runs as a process of its own, in a group of its own, so that all that it started ends with
-it; and it ends with this process, if that is killed. Of its text only what moves the bar is read;
-that it succeeded, its exit status says.
+it; and it ends with this process, if that is killed. Its logger plugin writes its events to a pipe
+of their own; of the text only the steps' own lines are read. That it succeeded, its exit status
+says.
 """
 
+import json
 import os
 import queue
 import re
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 from threading import Thread
+from typing import Any, TextIO
 
 from silmesh.cli.bar import Bar, shorten
 from silmesh.cli.workspace import CONFIG, find_snakefile
@@ -26,14 +30,9 @@ from silmesh.silhouettes.weights import CACHE, cache_folder, user_cache
 TICK = 0.5  # seconds between two looks at the clock
 PATIENCE = 10.0  # seconds that a stopped run has to end by itself
 
-STATISTICS = re.compile(r"(\w+) +(\d+)")
-STEP = re.compile(r".*python -m silmesh\.steps (\w+) ")
-BEGUN = re.compile(r"Job (\d+): (.*)")
-DONE = re.compile(r"Finished jobid: (\d+) \(Rule: (\w+)\)")
-PART = re.compile(r"(\w+)\b[^:]*: (\d+)/(\d+)")
-FAILED = re.compile(r"Error in rule (\w+)")
-LOG = re.compile(r" +log: (\S+)")
+PART = re.compile(r"(\w+)\b[^:]*: (\d+)/(\d+)")  # as silmesh.progress writes it
 OURS = "silmesh: "
+PLUGIN = "silmesh"  # the package snakemake_logger_plugin_silmesh
 SPOKEN = "utf-8:backslashreplace"  # what all processes of a run write, in any locale
 
 
@@ -68,16 +67,18 @@ class Runner:
             RunError: a step failed
             KeyboardInterrupt: it was stopped; all of its processes have ended
         """
-        process, lifeline = self._start(targets)
+        process, lifeline, events = self._start(targets)
         reader = _Reader(bar)
         try:
-            for line in _lines(process):
-                if line is None:
+            for said in _follow(process.stdout, events):
+                if said is None:
                     bar.draw()
-                    continue
-                if self._verbose:
-                    bar.say(line)
-                reader.read(line)
+                elif isinstance(said, dict):
+                    reader.take(said)
+                else:
+                    if self._verbose:
+                        bar.say(said)
+                    reader.read(said)
             status = process.wait()
         except BaseException:
             _stop(process)
@@ -85,13 +86,14 @@ class Runner:
         finally:
             os.close(lifeline)
         if status:
-            raise RunError(self._explain(reader), reader.failed)
+            raise RunError(self._explain(reader, status), reader.failed)
 
-    def _start(self, targets: Sequence[str]) -> tuple[subprocess.Popen, int]:
-        """Snakemake, and the file by which it knows that this process lives."""
+    def _start(self, targets: Sequence[str]) -> tuple[subprocess.Popen, int, TextIO]:
+        """Snakemake, the file by which it knows that this process lives, and its events."""
         ours, theirs = make_lifeline()
+        events, told = os.pipe()
         process = subprocess.Popen(
-            self._command(targets),
+            self._command(targets, told),
             cwd=self._folder,
             env=_environment(self._folder) | {LIFELINE: name_lifeline(theirs)},
             encoding="utf-8",
@@ -100,20 +102,24 @@ class Runner:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             start_new_session=True,
+            pass_fds=(told,),
         )
         os.close(theirs)
-        return process, ours
+        os.close(told)
+        return process, ours, open(events, encoding="utf-8")
 
-    def _command(self, targets: Sequence[str]) -> list[str]:
+    def _command(self, targets: Sequence[str], events: int) -> list[str]:
         snakefile = find_snakefile()
         profile = snakefile.parent / "workflow" / "profiles" / "default"
         given = ["--snakefile", snakefile, "--workflow-profile", profile, "--profile", "none"]
-        given += ["--configfile", CONFIG, "--cores", self._cores, "--nocolor"]
-        words = [sys.executable, "-m", "snakemake", *map(str, given), "--printshellcmds"]
-        return [*words, "--", *targets]
+        given += ["--configfile", CONFIG, "--cores", self._cores, "--printshellcmds"]
+        given += ["--logger", PLUGIN, f"--logger-{PLUGIN}-file", events]
+        return [sys.executable, "-m", "snakemake", *map(str, given), "--", *targets]
 
-    def _explain(self, reader: "_Reader") -> str:
+    def _explain(self, reader: "_Reader", status: int = 1) -> str:
         """Why a run failed: a step's own message, else where to look."""
+        if status < 0:
+            return f"the workflow was ended by signal {-status}; the same command goes on from here"
         if reader.log and (message := _last_message(self._folder / reader.log)):
             return message
         if reader.said:
@@ -127,44 +133,32 @@ class Runner:
 
 
 class _Reader:
-    """What a run's lines say: how far it is, and what went wrong."""
+    """What a run says: how far it is, and what went wrong."""
 
     def __init__(self, bar: Bar):
         self._bar = bar
-        self._jobs: dict[str, int] | None = None  # while its statistics are being read
-        self._begun = ""  # the last job
         self.failed, self.log = "", ""
         self.said: list[str] = []
 
+    def take(self, event: dict[str, Any]) -> None:
+        """Take an event of Snakemake's."""
+        match event["event"]:
+            case "run_info":
+                self._bar.plan({k: v for k, v in event["stats"].items() if k != "total"})
+            case "job_info":
+                rule = event["rule_name"]
+                self._bar.begin(event["jobid"], rule, shorten(event["rule_msg"] or rule))
+            case "job_finished":
+                self._bar.finish(event["job_id"])
+            case "job_error" if not self.failed:
+                self.failed, self.log = event["rule_name"], next(iter(event["log"]), "")
+
     def read(self, line: str) -> None:
-        """Take a line."""
-        if line.startswith("Job stats:"):
-            self._jobs = {}
-        elif self._jobs is not None:
-            self._count(line)
-        elif begun := BEGUN.fullmatch(line):
-            self._begun = begun[1]
-            self._bar.begin(begun[1], shorten(begun[2]))
-        elif step := STEP.match(line):
-            self._bar.name(self._begun, step[1])
-        elif done := DONE.match(line):
-            self._bar.finish(done[1], done[2])
-        elif part := PART.match(line):
+        """Take a line of text."""
+        if part := PART.match(line):
             self._bar.go_on(part[1], int(part[2]) / max(1, int(part[3])))
-        elif failed := FAILED.match(line):
-            self.failed = failed[1]
-        elif self.failed and not self.log and (log := LOG.match(line)):
-            self.log = log[1]
         elif line.startswith(OURS):
             self.said.append(line)
-
-    def _count(self, line: str) -> None:
-        counted = STATISTICS.fullmatch(line.rstrip())
-        if counted and counted[1] != "total":
-            self._jobs[counted[1]] = int(counted[2])
-        elif counted:
-            self._bar.plan(self._jobs)
-            self._jobs = None
 
 
 def _environment(folder: Path) -> dict[str, str]:
@@ -185,25 +179,32 @@ def _environment(folder: Path) -> dict[str, str]:
     return kept | {EVERY: "1", "PYTHONUNBUFFERED": "1", "PYTHONIOENCODING": SPOKEN}
 
 
-def _lines(process: subprocess.Popen) -> Iterator[str | None]:
-    """The lines that a process writes, and None now and then while it writes none."""
-    waiting: queue.SimpleQueue[str | None] = queue.SimpleQueue()
+def _follow(text: TextIO, events: TextIO) -> Iterator[str | dict[str, Any] | None]:
+    """Lines of text and events as they come, and None now and then while there are none.
 
-    def read() -> None:
-        for line in process.stdout:
-            waiting.put(line.rstrip("\n"))
+    It ends when both have ended.
+    """
+    waiting: queue.SimpleQueue[str | dict[str, Any] | None] = queue.SimpleQueue()
+
+    def read(stream: TextIO, parse: Callable[[str], Any]) -> None:
+        with stream, suppress(ValueError):  # the last event of a killed run is cut short
+            for line in stream:
+                waiting.put(parse(line.rstrip("\n")))
         waiting.put(None)
 
-    Thread(target=read, daemon=True).start()
-    while True:
+    for stream, parse in ((text, str), (events, json.loads)):
+        Thread(target=read, args=(stream, parse), daemon=True).start()
+    at_work = 2
+    while at_work:
         try:
-            line = waiting.get(timeout=TICK)
+            said = waiting.get(timeout=TICK)
         except queue.Empty:
             yield None
             continue
-        if line is None:
-            return
-        yield line
+        if said is None:
+            at_work -= 1
+        else:
+            yield said
 
 
 def _stop(process: subprocess.Popen) -> None:

@@ -13,6 +13,7 @@ import zlib
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -273,7 +274,19 @@ def _read_made(folder: Path) -> dict[str, Any]:
         made = json.loads((folder / MADE_BY).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return {}
-    return made if isinstance(made, dict) and "version" in made else {}
+    return made if isinstance(made, dict) and _is_note(made) else {}
+
+
+def _is_note(made: Mapping[str, Any]) -> bool:
+    """Whether what a file says has the shape of what silmesh notes."""
+    digests = [made.get(name, []) for name in (TABLE, CONFIG)]
+    links = [made.get(name, []) for name in (PHOTOGRAPHS, MASKS)]
+    if not all(isinstance(noted, list) for noted in (*digests, *links)):
+        return False
+    words = [made.get("version"), *chain(*digests)]
+    for link in chain(*links):
+        words += link if isinstance(link, list) and len(link) == 2 else [None]
+    return all(isinstance(word, str) for word in words)
 
 
 def _digest(file: Path) -> str:
@@ -321,5 +334,8 @@ def _link(folder: Path, links: Mapping[str, Path], ours: Container[Link]) -> Non
     for name, _ in there - wanted:
         (folder / name).unlink()
     for name, target in wanted - there:
-        with replacing(folder / name) as part:
-            part.symlink_to(target)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            (folder / name).symlink_to(target)  # whole or absent by itself
+        except OSError as error:
+            raise InputError(f"{folder / name}: cannot be written: {error.strerror}") from error

@@ -8,7 +8,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from silmesh.cameras.locate import NAMED
-from silmesh.errors import InputError
+from silmesh.errors import InputError, name_some
 from silmesh.naming import (
     MASK_FOLDERS,
     SUFFIXES,
@@ -28,22 +28,26 @@ RAW = (
     *(".raf", ".pef", ".srw", ".x3f", ".3fr", ".iiq", ".raw", ".gpr"),
 )
 UNREAD = (*RAW, ".gif", ".jxl", ".jp2", ".j2k", ".psd", ".exr", ".hdr", ".tga", ".svg", ".pdf")
+JPEG = (".jpg", ".jpeg")
 SIDECARS = (".xmp", ".aae", ".thm", ".lrv", ".pp3", ".dop")
 SYSTEM = ("thumbs.db", "desktop.ini")  # files of a system's own, as hidden ones
 CAMERAS = (
     *NAMED,
-    *("transforms_*.json", "poses_bounds.npy", "cameras.xml", "bundle*.out", "*.nvm", "*.mvs"),
-    *("cameras.bin", "cameras.txt", "sparse"),
+    *("transforms_*.json", "bundle*.out", "*.nvm", "*.mvs", "cameras.bin", "cameras.txt", "sparse"),
 )
 FEWEST = 2  # photographs
 SERIES = 3  # photographs of names alike, from which they are taken for an object's
-NAMES = 3  # of files in a message
 MAKER, MODEL, ORIENTATION = 271, 272, 274  # EXIF
 
 
 def is_video(path: Path) -> bool:
     """Whether a path's ending is that of a video."""
     return path.suffix.lower() in VIDEOS
+
+
+def is_picture(path: Path) -> bool:
+    """Whether a path's ending is that of a video or an image, of a format that is read or not."""
+    return path.suffix.lower() in (*SUFFIXES, *UNREAD, *VIDEOS)
 
 
 def find_photographs(
@@ -83,6 +87,23 @@ def find_photographs(
     return files, [*notes, *_tell_unused(others, files), *_tell_shapes(files)]
 
 
+def find_unread(paths: Sequence[Path], files: Sequence[Path]) -> list[Path]:
+    """What a person names as photographs and is not read, ``files`` being the others.
+
+    These are formats that are not read, and links that lead nowhere. One beside a photograph of its
+    name is not among them, as what a camera writes twice.
+    """
+    stems = {file.stem for file in files}
+    inside = [_others_in(path) if path.is_dir() else [path] for path in paths]
+    return [
+        path
+        for each in inside
+        for path in each
+        if path.stem not in stems
+        and (path.suffix.lower() in UNREAD or (is_image(path) and _is_lost(path)))
+    ]
+
+
 def describe_count(files: Sequence[Path]) -> str:
     """How many photographs there are, and which of them cannot be read."""
     wrong = {}
@@ -94,9 +115,11 @@ def describe_count(files: Sequence[Path]) -> str:
     if not wrong:
         return f"{len(files)} photographs"
     lost = list(wrong)
+    others = [file for file in lost if file.suffix.lower() not in JPEG]  # it writes over these
     return (
         f"{len(files) - len(lost)} photographs; {len(lost)} more cannot be read: {_list(lost)}, "
-        f"{wrong[lost[0]]}. Get them anew, or {_advise_conversion(lost)}"
+        f"{wrong[lost[0]]}. Get them anew"
+        + (f", or {_advise_conversion(others)}" if others else "")
     )
 
 
@@ -183,8 +206,13 @@ def _others_in(folder: Path) -> list[Path]:
         for path in there
         if path not in cameras
         and path.name.lower() not in SYSTEM
-        and (_holds_photographs(path) if path.is_dir() else not is_image(path))
+        and (_holds_photographs(path) if path.is_dir() else not is_image(path) or _is_lost(path))
     )
+
+
+def _is_lost(path: Path) -> bool:
+    """Whether a path is a link that leads nowhere."""
+    return path.is_symlink() and not path.exists()
 
 
 def _holds_photographs(folder: Path) -> bool:
@@ -208,6 +236,8 @@ def _say_what(path: Path, twin: bool) -> str:
     """What a file is that is not used; "" for an image in a format that is not read."""
     if path.is_dir():
         return "folders with images"
+    if _is_lost(path):
+        return "links that lead nowhere"
     if is_video(path):
         return "a video is cut into photographs where it alone is named"
     if path.suffix.lower() in SIDECARS:
@@ -236,10 +266,10 @@ def _say_unread(paths: Sequence[Path]) -> str:
 
 def _advise_conversion(paths: Sequence[Path]) -> str:
     """How to make images readable that are not."""
-    which = f"{quote(paths[0].parent)}/*{paths[0].suffix}"
+    which = dict.fromkeys(f"{quote(path.parent)}/*{quote(path.suffix)}" for path in paths)
     return (
         "save them as JPEG or PNG, for example by ImageMagick: "
-        f"`magick mogrify -format jpg {which}`"
+        f"`magick mogrify -format jpg {' '.join(which)}`"
     )
 
 
@@ -292,16 +322,17 @@ def _tell_lacking(masks: Sequence[Path], files: Sequence[Path], bare: Sequence[P
             f"{where}: none of its {len(masks)} images is named as the mask of a photograph, as "
             f"{stem}.png or {stem}_mask.png would be"
         )
-    lacking = ", ".join(file.name for file in bare[:NAMES]) + ", ..." * bool(bare[NAMES:])
-    return f"{where}: has no mask of {lacking} ({len(bare)} of {len(files)} photographs lack one)"
+    lacking = name_some([file.name for file in bare])
+    return (
+        f"{where}: has no mask of {lacking} ({len(bare)} of {len(files)} photographs lack one); "
+        "draw the rest, or leave those photographs out, to have masks used"
+    )
 
 
 def _say_why_none(folder: Path) -> str:
     """What a folder without photographs holds instead, and what to do."""
     if within := folders_within(folder):
-        names = ", ".join(path.name for path in within[:NAMES]) + (
-            ", ..." if within[NAMES:] else ""
-        )
+        names = name_some([path.name for path in within])
         return (
             f"{folder}: has no photographs itself, but {len(within)} folders that do ({names}). "
             f"`silmesh {quote(within[0])} -o mesh.glb` makes one object of a folder; "
@@ -349,8 +380,7 @@ def _mix(files: Sequence[Path]) -> str:
 
 def _list_kinds(kinds: Iterable[tuple[str, list[Path]]]) -> str:
     ordered = sorted(kinds, key=lambda kind: -len(kind[1]))
-    said = [f"{len(files)} {kind} (as {files[0].name})" for kind, files in ordered[:NAMES]]
-    return ", ".join(said) + (f" and {len(ordered) - NAMES} other kinds" if ordered[NAMES:] else "")
+    return name_some([f"{len(files)} {kind} (as {files[0].name})" for kind, files in ordered])
 
 
 def _kind(file: Path) -> str:

@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 
 from silmesh.errors import InputError
+from silmesh.feasible import has_matting
 from silmesh.silhouettes.threshold import border_noise
 from silmesh.views import read_image
 
@@ -75,25 +75,25 @@ def _change(pictures: Sequence[np.ndarray]) -> float:
     return float(np.median(off))
 
 
-def choose_silhouettes(seen: Look, masks: bool, files: str) -> tuple[str, str]:
+def choose_silhouettes(seen: Look, masks: Sequence[Path], files: str) -> tuple[str, str]:
     """A source of silhouettes, and why.
 
     Args:
         seen: what the photographs show
-        masks: whether each has a mask
+        masks: of each its mask, or none
         files: what they are called, for messages
 
     Raises:
         InputError: it would be the foreground model, which is not installed
     """
     if masks:
-        return "mask", "each photograph has one"
+        return "mask", f"each photograph has one, as {masks[0]}"
     if seen.cut_out:
         return "alpha", "the photographs are transparent around the object"
     if seen.plain:
         return "threshold", f"the background is plain to {seen.noise:.0f} of 255 grey levels"
     why = f"the background is not plain: it strays by {seen.noise:.0f} of 255 grey levels"
-    if all(find_spec(name) for name in ("onnxruntime", "cv2")):
+    if has_matting():
         return "matting", f"{why}; its weights, 88 MB, are fetched once"
     raise InputError(
         f"{files}: {why}. The foreground model finds objects before any background: "

@@ -14,6 +14,7 @@ import trimesh
 from PIL import Image, ImageDraw
 
 from silmesh.cameras.camera import OBJECT_RADIUS, Cameras
+from silmesh.errors import name_some
 from silmesh.report.pictures import FINE, GROUND, INK, MESH, Camera, font, shade, to_image, trace
 
 PANEL, GAP, HEADER, LINE = 551, 8, 30, 18  # pixels
@@ -209,8 +210,7 @@ def _notes(count: int, nearer: float, dropped: Sequence[str]) -> Iterable[str]:
     where = "" if nearer == 1 else f", drawn at {nearer:.2g} of their distance from the middle"
     yield f"{count} cameras{where}; a thin line joins them in the order of the views"
     if dropped:
-        more = f" and {len(dropped) - LISTED} more" if len(dropped) > LISTED else ""
-        yield f"no camera: {', '.join(map(_shorten, dropped[:LISTED]))}{more}"
+        yield f"no camera: {name_some([_shorten(name) for name in dropped], LISTED)}"
 
 
 def _shorten(name: str) -> str:

@@ -5,13 +5,12 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
-from silmesh.errors import InputError, cut, reading
+from silmesh.errors import reading
+from silmesh.report.published import NUMBERS, RUN, check_published
 
 Run = tuple[str, str]  # object and variant
-PUBLISHED = ("object", "variant", "iteration", "loss")
 
 
 def read_losses(files: Mapping[Run, Path]) -> dict[Run, pd.DataFrame]:
@@ -28,25 +27,15 @@ def read_published(file: Path) -> dict[Run, pd.DataFrame]:
     """Published curves: ``iteration`` and ``loss`` of each object and variant of a table.
 
     Raises:
-        InputError: it cannot be read, or lacks a column
+        InputError: as ``check_published``
     """
+    check_published(file)
     with reading(file, "a table"):
-        table = pd.read_csv(file, dtype={"object": str, "variant": str})
-    lacking = [column for column in PUBLISHED if column not in table]
-    if lacking:
-        raise InputError(f"{file}: lacks {', '.join(lacking)}; should have {', '.join(PUBLISHED)}")
-    for column in ("iteration", "loss"):
-        table[column] = _to_numbers(table[column], f"{file}: column {column!r}")
-    curves = table.groupby(["object", "variant"], sort=False)
-    return {run: rows[["iteration", "loss"]].reset_index(drop=True) for run, rows in curves}
-
-
-def _to_numbers(column: pd.Series, where: str) -> pd.Series:
-    """A column of which every cell is a finite number."""
-    given = pd.to_numeric(column, errors="coerce")
-    if len(wrong := column[~np.isfinite(given)]):
-        raise InputError(f"{where}: should be numbers, not {cut(str(wrong.iloc[0]), 80)!r}")
-    return given
+        table = pd.read_csv(file, dtype=dict.fromkeys(RUN, str))
+        for column in NUMBERS:
+            table[column] = pd.to_numeric(table[column])
+    curves = table.groupby(list(RUN), sort=False)
+    return {run: rows[list(NUMBERS)].reset_index(drop=True) for run, rows in curves}
 
 
 def gather_losses(losses: Mapping[Run, pd.DataFrame]) -> pd.DataFrame:

@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 
 from silmesh.cameras.camera import FIRST_SCALE, Cameras
-from silmesh.errors import InputError
+from silmesh.errors import InputError, name_some
 from silmesh.hull import is_cut
 from silmesh.own_code import call
 from silmesh.progress import Share, untold
@@ -163,6 +163,7 @@ def _warnings(told: Mapping[str, Any], silhouettes: np.ndarray, cameras: Cameras
         )
     cut = [view for view, is_it in zip(cameras.views, is_cut(silhouettes), strict=True) if is_it]
     if cut:
-        named = ", ".join(cut[:NAMED]) + (f" and {len(cut) - NAMED} more" if cut[NAMED:] else "")
-        found.append(f"the frame cuts the object in {named}: what lies beyond is not known")
+        found.append(
+            f"the frame cuts the object in {name_some(cut, NAMED)}: what lies beyond is not known"
+        )
     return found

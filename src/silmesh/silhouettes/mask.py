@@ -1,23 +1,25 @@
 """Silhouettes from mask files: two values, of which the brighter or more opaque is the object."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from PIL import Image, ImageFilter
 
-from silmesh.errors import InputError
+from silmesh.errors import InputError, name_some
 from silmesh.views import View, read_image
 
+TRIED = 8  # masks, spread over all, of which the values are looked at before any work
 LOOKED_AT = 512  # pixels of a mask's longer side that its values are counted in, at most
 FEW = 64  # values, at most, of which each stands for itself; of more some are noise or soft edges
-ALIKE = 1 / 10  # of the range of many values: nearer ones are one value with noise
-PART = 0.02  # of what is not the commonest value: a value of more is no seam between two others
-MUCH = 0.15  # likewise, where it is near one of the two
-SEEN = 1e-3  # of all such pixels: likewise
-WIDE = 4  # pixels around one that are alike where a third value, or none of the two, is meant
-WHOLE = 1 / 4  # of a third value's flat pixels: so many have as much around them
-GREY = 1 / 3  # of what is not background: more that is between the two values is no soft edge
+ALIKE = 1 / 10  # of the range of more than FEW values: nearer ones are one value with noise
+# Flat pixels have just their own value around them. A value stands for something if so many do:
+PART = 0.02  # of those that have not the commonest value: fewer are a seam between two others
+SEEN = 1e-3  # of all flat pixels
+MUCH = 0.15  # as PART, for a value near the lowest or highest, where compression leaves flat blocks
+WIDE = 4  # pixels around one that are alike in the midst of a region
+WHOLE = 1 / 4  # of a value's flat pixels that lie in the midst of a region, if it fills regions
+GREY = 1 / 3  # of what is not background: more that is between two values is no soft edge
 NAMED = 5  # values, at most, in a message
 
 
@@ -49,6 +51,22 @@ def find(image: Image.Image, view: View, mask: Path | None) -> np.ndarray:
     scale = 255 / (high - low)
     spread = brightness.point([min(max(round((v - low) * scale), 0), 255) for v in range(256)])
     return np.asarray(view.place(spread, Image.Resampling.BILINEAR)) > 127
+
+
+def refuse_labels(files: Sequence[Path]) -> None:
+    """Refuse masks of more than two values before any work, by a look at some of them.
+
+    What else is wrong with one, that it cannot be read for example, is left to the policy.
+
+    Raises:
+        SeveralValuesError: one has more
+    """
+    for i in np.linspace(0, len(files) - 1, min(TRIED, len(files))).round().astype(int):
+        try:
+            drawn = read_image(files[i])
+        except InputError:
+            continue
+        find_levels(np.asarray(read_brightness(drawn)), str(files[i]))
 
 
 def read_brightness(drawn: Image.Image) -> Image.Image:
@@ -165,10 +183,11 @@ def _describe(found: Mapping[int, int], name: str) -> str:
     """What is wrong with a mask of these values, and what to do."""
     total = sum(found.values())
     named = [f"{value} ({found[value] / total:.0%})" for value in sorted(found)]
-    listed = ", ".join(named[:NAMED]) + (f" and {len(named) - NAMED} more" if named[NAMED:] else "")
+    listed = name_some(named, NAMED)
     return (
         f"{name}: holds {len(found)} values, {listed}, and no more than two can be told apart; "
-        "a mask should be 255 on the object and 0 elsewhere. Of labels "
-        f"`Image.fromarray((numpy.asarray(Image.open(mask)) > {min(found)}).astype('u1') * 255)` "
-        f"takes all above {min(found)}, `== {max(found)}` one of them"
+        "a mask should be 255 on the object and 0 elsewhere. In Python `from PIL import Image; "
+        f"Image.open({name!r}).convert('L').point(lambda v: 255 * (v > {min(found)}))"
+        f".save('new.png')` makes one of all above {min(found)}, `v == {max(found)}` of that value "
+        "alone"
     )

@@ -14,7 +14,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("model", choices=list(MODELS))
     args.add_argument("--output", type=output_file, help="a link to them to make")
     given = args.parse_args(argv)
-    file = fetch_weights(given.model, share_of(f"fetch {given.model}"))
+    file = fetch_weights(given.model, share_of(f"fetch_weights {given.model}"))
     print(f"{given.model}: {file}")
     if given.output:
         with replacing(given.output) as part:

@@ -11,6 +11,7 @@ as ``truth/<object>.ply``. This module imports nothing heavy, so that the workfl
 names before it runs anything.
 """
 
+from functools import cache
 from pathlib import Path
 
 from silmesh.errors import InputError
@@ -41,6 +42,7 @@ def photograph_names(name: str, views: int = VIEWS) -> list[str]:
     return [f"{name}_r{angle}.png" for angle in turntable_angles(views)]
 
 
+@cache  # rules ask for each file of the folder
 def promised_files(folder: Path) -> tuple[Path, ...]:
     """The photographs or masks that the workflow makes in this folder; none in any other."""
     kinds = (FOLDER / "png2", FOLDER / "mask2")

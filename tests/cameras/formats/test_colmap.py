@@ -301,6 +301,7 @@ def test_a_skew_cannot_be_written(tmp_path):
         ("1 PINHOLE 640 480", "a camera should be CAMERA_ID MODEL WIDTH HEIGHT PARAMS"),
         ("1", "a camera should be CAMERA_ID MODEL WIDTH HEIGHT PARAMS"),
         ("1 PINHOLE 640 480 700", "PINHOLE has 1 parameters, which are too few"),
+        ("1 PINHOLE 640 480 7 7 3 2 0.1 0", "PINHOLE has 6 parameters, which are too many"),
         ("x PINHOLE 640 480 7 7 3 2", "CAMERA_ID should be a number, not 'x'"),
         ("1" * 5000 + " PINHOLE 640 480 7 7 3 2", "CAMERA_ID should be a number, not '1111"),
         ("1 PINHOLE 0 480 7 7 3 2", "should be whole numbers from 1 to 1,000,000, not 0 and 480"),

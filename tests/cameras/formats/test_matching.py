@@ -105,10 +105,10 @@ def test_a_file_for_other_pictures(tmp_path):
     with pytest.raises(InputError) as error:
         attempt_from_file(file, views())
     assert str(error.value) == (
-        f"{file}: its 4 cameras ('a.png', 'b.png', 'c.png', ...) fit 0 of the 4 views ('shot_1', "
-        "'shot_2', 'shot_10', ...) by name; at least 3, and 50% of the views, should have one. "
-        "A camera's name should be that of its photograph, whatever its folder and ending; perhaps "
-        "the file is for other pictures"
+        f"{file}: its 4 cameras ('a.png', 'b.png', 'c.png' and 1 more) fit 0 of the 4 views "
+        "('shot_1', 'shot_2', 'shot_10' and 1 more) by name; at least 3, and 50% of the views, "
+        "should have one. A camera's name should be that of its photograph, whatever its folder "
+        "and ending; perhaps the file is for other pictures"
     )
 
 

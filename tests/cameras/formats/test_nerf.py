@@ -250,6 +250,7 @@ def test_pixels_are_the_photographs_where_nothing_tells_otherwise(tmp_path, shar
         ({"distortion_params": [[[0.1]]] * 2}, "distortion_params = "),
         ({"shift_x": 0.1}, "shift_x"),
         ({"k7": 0.1}, "k7 = 0.1"),
+        ({"D": [0.1, 0, 0, 0]}, "D = "),
         ({"b1": 0.1}, "b1 = 0.1"),
         ({"k5": 0.1}, "a lens OPENCV has no k5"),
         ({"omega": 0.5}, "a lens OPENCV has no omega"),

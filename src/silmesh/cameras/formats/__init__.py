@@ -30,11 +30,11 @@ from silmesh.cameras.formats import (
     texts,
 )
 from silmesh.cameras.formats.matching import Rules, choose_world, match
-from silmesh.cameras.formats.parts import read_json
 from silmesh.cameras.locate import Located, locate
 from silmesh.cameras.turntable import softras_cameras
 from silmesh.cameras.unread import recognise_json
 from silmesh.errors import InputError, reading, shorten
+from silmesh.reading import read_json
 from silmesh.views import View
 
 Worlds = Cameras | Mapping[str, Cameras]  # of parts of a scene that nothing joins: by their names

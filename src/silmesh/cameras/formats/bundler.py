@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from silmesh.cameras.camera import Cameras
+from silmesh.cameras.camera import OPENGL, Cameras
 from silmesh.cameras.formats.matching import Sizes
 from silmesh.cameras.formats.parts import (
     UNSAID,
@@ -36,7 +36,6 @@ from silmesh.cameras.locate import find_lists
 from silmesh.errors import InputError
 from silmesh.views import View
 
-FLIP = np.diag([1.0, -1.0, -1.0])  # between its camera axes and ours
 HEADER = "# Bundle file"
 LINES = 5  # of a camera
 
@@ -103,5 +102,5 @@ def _parse(values: np.ndarray, name: str, sizes: Sizes, where: str) -> Camera:
     focal, *radial = values[0].tolist()
     width, height = sizes.of(name)
     K = intrinsics((focal, focal), (width / 2, height / 2), where)
-    R = FLIP @ nearest_rotation(values[1:4], where)
-    return Camera(name, UNSAID, K, R, FLIP @ values[4], lens_of("RADIAL", radial))
+    R = OPENGL @ nearest_rotation(values[1:4], where)
+    return Camera(name, UNSAID, K, R, OPENGL @ values[4], lens_of("RADIAL", radial))

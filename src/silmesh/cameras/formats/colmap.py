@@ -80,6 +80,8 @@ def split(model: str, parameters: Sequence[float], where: str) -> tuple[np.ndarr
     count = 3 if model in ONE_FOCAL else 4
     if len(parameters) < count and model in (*PLAIN, *CURVED):
         raise InputError(f"{where}: {model} has {len(parameters)} parameters, which are too few")
+    if len(parameters) > count and model in PLAIN:  # perhaps a lens's, which is not to be lost
+        raise InputError(f"{where}: {model} has {len(parameters)} parameters, which are too many")
     with blaming(where):
         lens = lens_of(model, parameters[count:])
     cx, cy = parameters[count - 2 : count]

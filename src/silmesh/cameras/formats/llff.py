@@ -13,13 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from silmesh.cameras.camera import Cameras
+from silmesh.cameras.camera import WIDEST, Cameras
 from silmesh.cameras.formats.parts import Camera, gather, intrinsics, nearest_rotation, numbers
 from silmesh.cameras.locate import LLFF
 from silmesh.errors import InputError
+from silmesh.reading import open_array
 from silmesh.views import View
-
-WIDEST = 1_000_000  # pixels of a side
 
 
 def read(path: Path, views: Sequence[View]) -> Cameras:
@@ -38,10 +37,7 @@ def read(path: Path, views: Sequence[View]) -> Cameras:
 
 def _load(path: Path) -> np.ndarray:
     """[views, 17] finite numbers."""
-    try:
-        rows = np.lib.format.open_memmap(path, mode="r")
-    except Exception as error:  # a header is parsed as Python, which raises what it will
-        raise InputError(f"{path}: cannot be read as a .npy array: {error}") from error
+    rows = open_array(path)
     if rows.ndim != 2 or rows.shape[1] != LLFF or rows.dtype.kind not in "iuf" or not len(rows):
         raise InputError(
             f"{path}: should hold [views, {LLFF}] numbers, not {list(rows.shape)} of {rows.dtype}"

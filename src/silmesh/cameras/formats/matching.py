@@ -16,11 +16,10 @@ import torch
 
 from silmesh.cameras.attempt import FILE, Attempt
 from silmesh.cameras.camera import Cameras
-from silmesh.errors import InputError
+from silmesh.errors import InputError, name_some
 from silmesh.views import View
 
 FEWEST, SHARE = 3, 0.5  # of the views that need a camera, where some have none
-SHOWN = 3  # names in a message
 
 
 @dataclass(frozen=True)
@@ -109,7 +108,7 @@ def _by_name(path: Path, cameras: Cameras, views: Sequence[View]) -> list[int | 
     places = find_places(cameras.views, views)
     for view, place in zip(views, places, strict=True):
         if len(place) > 1:
-            names = ", ".join(repr(cameras.views[i]) for i in place[:SHOWN])
+            names = _some([cameras.views[i] for i in place])
             raise InputError(
                 f"{path}: has {len(place)} cameras for the view {view.view!r}: {names}; names "
                 "should differ in more than their folder and ending, or the folders be those of "
@@ -214,8 +213,7 @@ def _refuse_few(path: Path, cameras: Cameras, views: Sequence[View], found: Sequ
 
 
 def _some(names: Sequence[str]) -> str:
-    shown = ", ".join(map(repr, names[:SHOWN]))
-    return shown + ", ..." * (len(names) > SHOWN)
+    return name_some([repr(name) for name in names])
 
 
 def _tell_dropped(path: Path, dropped: dict[str, str], count: int) -> list[str]:

@@ -26,11 +26,11 @@ from silmesh.cameras.formats.parts import (
     nearest_rotation,
     numbers,
     pixels,
-    read_json,
     to_half,
 )
 from silmesh.cameras.lens import Lens, lens_of
 from silmesh.errors import InputError, blaming, cut, shorten
+from silmesh.reading import read_json
 
 Version = tuple[int, ...]
 Row = Mapping[str, Any]

@@ -29,7 +29,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from silmesh.cameras.camera import Cameras
+from silmesh.cameras.camera import WIDEST, Cameras
 from silmesh.cameras.formats.matching import Sizes, is_scaled
 from silmesh.cameras.formats.parts import Camera, gather, intrinsics, nearest_rotation, numbers
 from silmesh.cameras.lens import Lens, lens_of
@@ -49,7 +49,6 @@ TURNS = {  # from a file's pixels to upright ones, by EXIF's orientation: the li
     "6": [[0, -1], [1, 0]],
     "8": [[0, 1], [-1, 0]],
 }
-WIDEST = 1_000_000  # pixels of a side
 
 
 class Sensor(NamedTuple):

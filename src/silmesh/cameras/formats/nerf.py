@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from silmesh.cameras.camera import Cameras, refuse_many
+from silmesh.cameras.camera import OPENGL, Cameras, refuse_many
 from silmesh.cameras.formats.matching import Sizes, is_scaled
 from silmesh.cameras.formats.parts import (
     UNSAID,
@@ -30,16 +30,15 @@ from silmesh.cameras.formats.parts import (
     nearest_rotation,
     numbers,
     pixels,
-    read_json,
     refuse_skew,
 )
 from silmesh.cameras.lens import CURVED, PLAIN, Lens, lens_of, refuse_strange
 from silmesh.cameras.locate import SPLITS
 from silmesh.errors import InputError, blaming, cut
 from silmesh.files import replacing
+from silmesh.reading import read_json
 from silmesh.views import View
 
-FLIP = np.diag([1.0, -1.0, -1.0])  # between OpenGL's camera axes and ours
 WHOLE = 1e-6  # by which twice a principal point may differ from a whole number of pixels
 SAME = 0.02  # by which a width that is told may differ from the photograph's own
 NEEDED = ("file_path", "transform_matrix")  # of each frame
@@ -86,7 +85,7 @@ def _parse(frame: Mapping[str, Any], where: str, sizes: Sizes) -> Camera:
     pose = frame["transform_matrix"]
     pose = pose[:3] if isinstance(pose, list) else pose
     pose = numbers(pose, (3, 4), f"{where}: transform_matrix")
-    R = FLIP @ nearest_rotation(pose[:, :3], where).T
+    R = OPENGL @ nearest_rotation(pose[:, :3], where).T
     own = sizes.of(name)
     size = _parse_size(frame, own, where)
     K = _parse_intrinsics(frame, size if all(size) else own, where)
@@ -169,7 +168,7 @@ def write(path: Path, cameras: Cameras, images: Mapping[str, str]) -> None:
 
 def _frame(cameras: Cameras, i: int, image: str) -> dict[str, Any]:
     pose = np.eye(4)
-    pose[:3, :3] = cameras.R[i].numpy().T @ FLIP
+    pose[:3, :3] = cameras.R[i].numpy().T @ OPENGL
     pose[:3, 3] = cameras.centres[i].numpy()
     K, (width, height) = cameras.K[i].numpy(), cameras.sizes[i].tolist()
     refuse_skew(cameras, i)

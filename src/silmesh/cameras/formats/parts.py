@@ -11,7 +11,6 @@ import torch
 from silmesh.cameras.camera import LARGEST, WIDEST, Cameras
 from silmesh.cameras.lens import Lens
 from silmesh.errors import InputError, explain, shorten
-from silmesh.reading import read_json as read_json
 from silmesh.reading import read_text
 
 SLOPPY = 0.02  # by which R R^T of a file may differ from 1: two decimals

@@ -20,14 +20,13 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from silmesh.cameras.camera import Cameras
+from silmesh.cameras.camera import OPENGL, Cameras
 from silmesh.cameras.formats.matching import Sizes
 from silmesh.cameras.formats.parts import UNSAID, Camera, gather, intrinsics, numbers, read_lines
 from silmesh.cameras.lens import Lens, lens_of
 from silmesh.errors import InputError, blaming
 from silmesh.views import View
 
-FLIP = np.diag([1.0, -1.0, -1.0])  # between its camera axes and ours
 SENSOR = 36.0  # mm
 NEWER = {"yaw": "heading", "f_35mm": "f", "px_norm": "px", "py_norm": "py"}
 NEEDED = ("name", "x", "y", "alt", "heading", "pitch", "roll", "f")
@@ -81,7 +80,7 @@ def _parse(header: Sequence[str], row: list[str], sizes: Sizes, where: str) -> C
     centre = size / 2 + longer * np.array([value["px"], value["py"]])
     K = intrinsics((value["f"] * longer / SENSOR,) * 2, tuple(centre), where)
     angles = [-value["heading"], value["pitch"], value["roll"]]
-    R = FLIP @ Rotation.from_euler("ZXY", angles, degrees=True).as_matrix().T
+    R = OPENGL @ Rotation.from_euler("ZXY", angles, degrees=True).as_matrix().T
     t = -R @ np.array([value["x"], value["y"], value["alt"]])
     with blaming(where):
         return Camera(name, UNSAID, K, R, t, _parse_lens(value))
