@@ -19,11 +19,11 @@ from silmesh.cameras.camera import Cameras
 from silmesh.cameras.turntable import orbit_cameras, turntable_cameras
 from silmesh.evaluation import coherence
 from silmesh.hull import carve
+from silmesh.naming import natural_key
 from silmesh.scene import normalising
 from silmesh.silhouettes import read_silhouettes
 from silmesh.softras import soft_silhouettes
 from silmesh.synthetic.make import make_object
-from silmesh.views import natural_key
 
 OBJECTS = ("apricot", "bear", "bottle", "plane", "pot", "tube")
 

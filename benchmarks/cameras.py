@@ -15,6 +15,13 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import torch
 from PIL import Image
+from scenery import (
+    photograph_before_wall,
+    photograph_on_table,
+    read_scan,
+    stand_upright,
+    texture_paint,
+)
 from scipy.linalg import null_space
 
 from silmesh.cameras.attempt import read_attempt
@@ -33,14 +40,7 @@ from silmesh.steps import (
     silhouettes,
     views,
 )
-from silmesh.synthetic.scenery import (
-    photograph_before_wall,
-    photograph_on_table,
-    read_scan,
-    stand_upright,
-    texture_paint,
-)
-from silmesh.synthetic.turntable import photograph_cameras
+from silmesh.synthetic.orbit import photograph_cameras
 
 SURROUNDINGS = {"table": photograph_on_table, "wall": photograph_before_wall}
 

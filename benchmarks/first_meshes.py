@@ -18,17 +18,18 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from silmesh.cameras.camera import Cameras
-from silmesh.comparison import compare_to_truth
 from silmesh.errors import InputError
 from silmesh.fitting.loop import run
 from silmesh.fitting.softras import SoftRas
+from silmesh.geometry.overlap import mean_iou
+from silmesh.ground_truth import compare_to_truth
 from silmesh.meshes import read_mesh, to_tensors
 from silmesh.report.pictures import camera_of, draw_edges, frame, shade, trace
 from silmesh.scene import SILHOUETTES, VIEWS, read_scene
 from silmesh.settings.fit import SoftRasFit
 from silmesh.settings.init import Init
 from silmesh.shapes.first import PLACED, first_mesh
-from silmesh.shapes.looks import look_smaller, mean_iou, render
+from silmesh.shapes.looks import look_smaller, render
 from silmesh.silhouettes import read_silhouettes
 
 SHAPES = {"sphere, not placed": ("sphere", "none"), "sphere": ("sphere", "bbox")} | {

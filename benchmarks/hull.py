@@ -12,11 +12,12 @@ from pathlib import Path
 
 import torch
 
+from silmesh.geometry.overlap import mean_iou
 from silmesh.hull import carve
 from silmesh.scene import SILHOUETTES, read_scene
 from silmesh.settings.init import Init
 from silmesh.shapes.first import first_mesh
-from silmesh.shapes.looks import mean_iou, render
+from silmesh.shapes.looks import render
 from silmesh.silhouettes import read_silhouettes
 
 REPEATS = 5

@@ -24,7 +24,7 @@ import trimesh
 from scipy.ndimage import distance_transform_edt
 
 from silmesh.cameras.lens import PARAMETERS, Lens
-from silmesh.quality import count_intersections
+from silmesh.mesh_quality import count_intersections
 
 REPEATS = 7
 LENSES = {

@@ -19,6 +19,7 @@ from PIL import Image
 from scipy.linalg import rq
 
 from silmesh.cameras.camera import Cameras, write_cameras
+from silmesh.geometry.overlap import iou
 from silmesh.naming import match_masks
 from silmesh.settings.silhouettes import Matting
 from silmesh.silhouettes import encode, read_silhouettes, write_silhouettes
@@ -78,11 +79,6 @@ def repaired(views: list[View], found: Path, data: Path, work: Path) -> tuple[np
     told = json.loads((work / "judged" / "scene.json").read_text())
     fitted = [view.view for view in views if view.view not in told["dropped"]]
     return read_silhouettes(work / "judged" / "silhouettes", fitted), told
-
-
-def iou(found: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    """Of each view: [views]."""
-    return (found & truth).sum((1, 2)) / np.maximum((found | truth).sum((1, 2)), 1)
 
 
 def summarise(values: np.ndarray) -> dict[str, float]:

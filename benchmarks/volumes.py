@@ -15,24 +15,24 @@ from pathlib import Path
 import numpy as np
 import torch
 import trimesh
+from scenery import read_scan, stand_upright
 
 from silmesh.cameras.camera import Cameras
 from silmesh.cameras.turntable import orbit_cameras
-from silmesh.comparison import compare_to_truth
 from silmesh.evaluation import silhouette_iou
 from silmesh.fitting.fast import Fast
 from silmesh.fitting.loop import run
+from silmesh.ground_truth import compare_to_truth
 from silmesh.hull import carve
+from silmesh.mesh_quality import measure_quality
 from silmesh.meshes import to_tensors
-from silmesh.quality import measure_quality
 from silmesh.report.pictures import camera_of, trace
 from silmesh.settings.fit import FastFit
 from silmesh.settings.init import Init
 from silmesh.shapes.first import first_mesh
 from silmesh.synthetic.layout import OBJECTS
 from silmesh.synthetic.make import make_object
-from silmesh.synthetic.scenery import read_scan, stand_upright
-from silmesh.synthetic.turntable import DISTANCE
+from silmesh.synthetic.orbit import DISTANCE
 
 ELEVATIONS = (10.0, 40.0)
 RESOLUTION = 256

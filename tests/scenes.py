@@ -1,6 +1,7 @@
 """Made-up scenes whose truth is a formula, shared by the tests."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from PIL import Image
 from scipy.ndimage import gaussian_filter
 
 from silmesh.cameras.camera import Cameras
+from silmesh.cameras.lens import Lens
 from silmesh.cameras.turntable import orbit_cameras, turntable_cameras
 
 
@@ -26,6 +28,11 @@ def dome(count: int, size: int) -> Cameras:
     i = torch.arange(count, dtype=torch.float64)
     elevation = torch.rad2deg(torch.asin(1 - (2 * i + 1) / count))
     return orbit_cameras(names(count), size, torch.full_like(i, 2.732), elevation, 137.5 * i)
+
+
+def behind_lenses(cameras: Cameras, lenses: Sequence[Lens | None]) -> Cameras:
+    """The same cameras behind lenses, one for each view."""
+    return replace(cameras, lenses=tuple(lenses))
 
 
 def silhouettes(

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 import torch
 import trimesh
+from drawing import render_colours
 from scenes import dome, turntable
 
 from silmesh.colouring import colour_vertices
-from silmesh.softras.colours import render_colours
 
 SIZE = 96
 

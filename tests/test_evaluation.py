@@ -4,8 +4,8 @@ import torch
 import trimesh
 from scenes import dome, silhouettes
 
-from silmesh.comparison import compare_to_truth
 from silmesh.evaluation import silhouette_iou, summarise_iou
+from silmesh.ground_truth import compare_to_truth
 from silmesh.meshes import to_tensors
 
 SHARP = 1e-6  # sigma: SoftRas's 1e-4 widens an outline of 64 pixels by half a pixel
@@ -13,8 +13,8 @@ SHARP = 1e-6  # sigma: SoftRas's 1e-4 widens an outline of 64 pixels by half a p
 
 @pytest.fixture(autouse=True)
 def _few_samples(monkeypatch):
-    monkeypatch.setattr("silmesh.comparison.SAMPLES", 20_000)
-    monkeypatch.setattr("silmesh.comparison.VOLUME_SAMPLES", 20_000)
+    monkeypatch.setattr("silmesh.ground_truth.SAMPLES", 20_000)
+    monkeypatch.setattr("silmesh.ground_truth.VOLUME_SAMPLES", 20_000)
 
 
 def sphere(radius, centre=(0, 0, 0)):

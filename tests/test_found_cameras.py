@@ -5,6 +5,13 @@ import json
 import numpy as np
 import pytest
 import torch
+from scenery import (
+    photograph_before_wall,
+    photograph_on_table,
+    read_scan,
+    stand_upright,
+    texture_paint,
+)
 from scenes import save
 
 from silmesh.cameras.attempt import read_attempt
@@ -22,14 +29,7 @@ from silmesh.steps import (
     views,
 )
 from silmesh.synthetic.make import find_paint, make_object
-from silmesh.synthetic.scenery import (
-    photograph_before_wall,
-    photograph_on_table,
-    read_scan,
-    stand_upright,
-    texture_paint,
-)
-from silmesh.synthetic.turntable import photograph_cameras
+from silmesh.synthetic.orbit import photograph_cameras
 
 pytestmark = pytest.mark.slow
 SURROUNDINGS = {"table": photograph_on_table, "wall": photograph_before_wall}

@@ -3,8 +3,8 @@
     cli                                               the command, which starts the workflow
     steps                                             what a rule calls
     views  silhouettes  cameras  scene  shapes ...    stages, which do not stand on each other
-    cameras.camera  cameras.lens  straighten  softras  hull  remesh  the ground floor
-    errors  files  naming  reading  settings          what anything may import
+    cameras.camera  geometry  straighten  softras  hull  remesh ...  the ground floor
+    errors  files  naming  reading  thresholds  settings  what anything may import
 
 The Snakefile's modules (configuration, table, plan, digests) stand beside: no stage imports them.
 """
@@ -15,17 +15,21 @@ import pytest
 
 from silmesh.provenance import SOURCE
 
-BASE = {"errors", "files", "naming", "own_code", "progress", "reading", "settings"}
-GROUND = {"cameras.camera", "cameras.lens", "softras", "hull", "remesh", "straighten", "series"}
+BASE = {"errors", "files", "naming", "own_code", "progress", "reading", "settings", "thresholds"}
+GROUND = {
+    *("cameras.camera", "cameras.lens", "geometry", "softras", "hull", "remesh", "straighten"),
+    "series",
+}
 ON = {  # what a module of it stands on
     "cameras.camera": {"cameras.lens"},
-    "hull": {"cameras.camera"},
+    "hull": {"cameras.camera", "geometry"},
+    "remesh": {"geometry"},
     "straighten": {"cameras.camera", "cameras.lens"},
 }
 STAGES = {
     *("views", "silhouettes", "cameras", "scene", "shapes", "fitting", "evaluation", "report"),
-    *("training", "synthetic", "meshes", "progress", "colouring", "quality", "alignment"),
-    *("agreement", "assemble", "comparison", "conventions", "diagnosis", "judging", "metrics"),
+    *("training", "synthetic", "meshes", "progress", "colouring", "mesh_quality", "registration"),
+    *("agreement", "assemble", "ground_truth", "conventions", "diagnosis", "judging", "metrics"),
     *("motion", "intake"),
 }
 PLANNING = {
@@ -47,7 +51,15 @@ BESIDES = {
     "intake": {"views", "cameras.locate", "feasible", "silhouettes.threshold"},
     "assemble": {"views", "cameras.attempt", "scene", "agreement", "conventions", "diagnosis"},
     "fitting": {"meshes", "scene", "views"},
-    "metrics": {"evaluation", "meshes", "quality", "scene", "views", "alignment", "comparison"},
+    "metrics": {
+        "evaluation",
+        "meshes",
+        "mesh_quality",
+        "scene",
+        "views",
+        "registration",
+        "ground_truth",
+    },
     "motion": {"views", "cameras", "agreement"},
     "agreement": {"cameras.attempt", "scene", "evaluation"},
     "conventions": {"cameras.attempt", "scene", "agreement"},

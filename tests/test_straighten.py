@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 from PIL import Image
-from scenes import save, silhouettes, turntable
+from scenes import behind_lenses, save, silhouettes, turntable
 
 from silmesh.cameras.camera import Similarity
 from silmesh.cameras.lens import Lens
@@ -38,7 +38,7 @@ def photographed(cameras, lens):
 
 
 def with_lens(cameras, lens):
-    return cameras.with_lenses([lens] * len(cameras))
+    return behind_lenses(cameras, [lens] * len(cameras))
 
 
 def iou(a, b):

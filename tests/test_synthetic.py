@@ -17,10 +17,10 @@ from silmesh.files import MADE, making
 from silmesh.steps import synthetic as step
 from silmesh.synthetic.layout import OBJECTS, SIZE, photograph_names, turntable_angles
 from silmesh.synthetic.make import find_paint, make_object, mesh_solid
+from silmesh.synthetic.orbit import photograph_cameras
 from silmesh.synthetic.paints import coat
 from silmesh.synthetic.photograph import photograph
 from silmesh.synthetic.solids import ellipsoid, lathe, limb, ring, sphere, subtract, unite
-from silmesh.synthetic.turntable import photograph_cameras
 
 GENUS = dict.fromkeys(OBJECTS, 0) | {"pot": 2}  # one for each handle
 

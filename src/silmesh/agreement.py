@@ -12,9 +12,8 @@ from silmesh.evaluation import coherence
 from silmesh.hull import carve
 from silmesh.scene import normalising, refuse_camera_inside
 from silmesh.straighten import Straightened, straighten
+from silmesh.thresholds import REFUSED
 
-COHERENT = 0.9  # hull IoU below which cameras and silhouettes contradict each other
-REFUSED = 0.6  # hull IoU below which cameras that were found from the photographs are refused
 FEWEST = 2  # silhouettes that are not empty
 NEAR = 0.02  # of hull IoU: attempts that differ by less are told apart by their number of views
 

@@ -39,7 +39,7 @@ from silmesh.fitting.fit import Fitted, fit_mesh
 from silmesh.fitting.loop import Record
 from silmesh.fitting.trial import trial_with
 from silmesh.intake.photographs import find_masks, find_photographs, is_video
-from silmesh.intake.sources import COHERENT, choose_cameras, choose_silhouettes, look
+from silmesh.intake.sources import choose_cameras, choose_silhouettes, look
 from silmesh.judging.judged import judge_scene
 from silmesh.meshes import read_mesh, write_coloured
 from silmesh.naming import match_masks
@@ -56,6 +56,7 @@ from silmesh.shapes.first import First, first_mesh
 from silmesh.silhouettes import Found
 from silmesh.silhouettes import find_silhouettes as find_each
 from silmesh.silhouettes.mask import refuse_labels
+from silmesh.thresholds import CONVINCING
 from silmesh.views import View, in_order, make_views, stack_pictures
 
 Paths = str | Path | Sequence[str | Path]
@@ -304,7 +305,7 @@ def find_cameras(
         except InputError as error:
             failure = error
             continue
-        if made.coherence.mean() >= COHERENT:
+        if made.coherence.mean() >= CONVINCING:
             break
     if made is None:
         raise failure

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from silmesh.agreement import COHERENT, Placed, choose, find_shown, refused_or
+from silmesh.agreement import Placed, choose, find_shown, refused_or
 from silmesh.cameras.attempt import CHECK_SERIES, TRY_CALIBRATE, Attempt
 from silmesh.conventions import settle
 from silmesh.diagnosis import MEASURED, diagnose
@@ -15,6 +15,7 @@ from silmesh.errors import InputError, blaming
 from silmesh.hull import find_doubtful
 from silmesh.scene import Scene
 from silmesh.straighten import Straightened
+from silmesh.thresholds import COHERENT
 from silmesh.views import View
 
 
@@ -157,7 +158,7 @@ def _frames(best: Placed, views: Sequence[View]) -> dict[str, list[int]]:
     return {
         view.view: [0, 0, view.size, view.size]
         if view.view in best.straightened.sources
-        else [view.left, view.top, view.right, view.bottom]
+        else list(view.frame)
         for view in views
         if view.view in best.cameras.views
     }

@@ -17,7 +17,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from silmesh.agreement import COHERENT, FEWEST, NEAR, REFUSED, Placed, find_shown, place
+from silmesh.agreement import FEWEST, NEAR, Placed, find_shown, place
 from silmesh.cameras.attempt import (
     CAMERA_TO_WORLD,
     CAMERA_TO_WORLD_OPENGL,
@@ -29,6 +29,7 @@ from silmesh.cameras.camera import OPENGL, Cameras
 from silmesh.errors import InputError
 from silmesh.scene import find_middles, find_object
 from silmesh.straighten import straighten
+from silmesh.thresholds import COHERENT, REFUSED
 
 FITS = 0.8  # hull IoU from which another convention is named
 GAIN = 0.1  # by which its hull IoU has to be above that of the file's own

@@ -14,6 +14,7 @@ import numpy as np
 from scipy import ndimage
 
 from silmesh.errors import name_some
+from silmesh.geometry.frame import is_cut
 from silmesh.series import (
     LEAST,
     Series,
@@ -47,8 +48,8 @@ def diagnose(silhouettes: np.ndarray, views: Sequence[View], coherent: bool = Fa
             beyond the frame of many photographs
     """
     if coherent:
-        cut = find_cut(silhouettes, [frame_of(view) for view in views])
-        return describe_cut(silhouettes, views) if len(cut) >= MANY * len(views) else []
+        cut = is_cut(silhouettes, [view.frame for view in views])
+        return describe_cut(silhouettes, views) if cut.sum() >= MANY * len(views) else []
     shown = np.flatnonzero(silhouettes.any(axis=(1, 2)))
     seen, named = silhouettes[shown], [views[i] for i in shown]
     shapes = _describe_shapes(views)
@@ -85,7 +86,7 @@ def _describe_shapes(views: Sequence[View]) -> list[str]:
 
 def describe_cut(silhouettes: np.ndarray, views: Sequence[View]) -> list[str]:
     """In how many photographs the frame cuts the object, if it does."""
-    cut = find_cut(silhouettes, [frame_of(view) for view in views])
+    cut = np.flatnonzero(is_cut(silhouettes, [view.frame for view in views]))
     if not len(cut):
         return []
     others = "leave those out, or " if len(cut) < len(views) else ""
@@ -112,25 +113,6 @@ def describe_masks(files: Sequence[Path]) -> list[str]:
     else:
         held = "the values " + ", ".join(map(str, sorted(values)))
     return [f"the masks hold {held}: 0 should be the background, and 255 the object"]
-
-
-def find_cut(silhouettes: np.ndarray, frames: Sequence[Sequence[int]]) -> np.ndarray:
-    """The positions of the silhouettes, [views, height, width] bool, that reach the frame.
-
-    Args:
-        frames: left, top, right and bottom of each photograph within its image, in pixels
-    """
-    cut = []
-    for i, (left, top, right, bottom) in enumerate(frames):
-        inside = silhouettes[i, top:bottom, left:right]
-        if any(side.any() for side in (inside[0], inside[-1], inside[:, 0], inside[:, -1])):
-            cut.append(i)
-    return np.array(cut, int)
-
-
-def frame_of(view: View) -> tuple[int, int, int, int]:
-    """Left, top, right and bottom of a photograph within its working image."""
-    return view.left, view.top, view.right, view.bottom
 
 
 def _describe_empty(silhouettes: np.ndarray, views: Sequence[View]) -> list[str]:
@@ -164,7 +146,7 @@ def _count_pieces(silhouette: np.ndarray) -> int:
 
 
 def _describe_size(silhouettes: np.ndarray, views: Sequence[View]) -> list[str]:
-    frames = np.array([frame_of(view) for view in views])
+    frames = np.array([view.frame for view in views])
     room = (frames[:, 2] - frames[:, 0]) * (frames[:, 3] - frames[:, 1])
     share = float(np.median(silhouettes.sum(axis=(1, 2)) / room))
     if share >= SMALL:

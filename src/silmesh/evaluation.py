@@ -7,6 +7,7 @@ import torch
 from torch import Tensor
 
 from silmesh.cameras.camera import Cameras
+from silmesh.geometry.overlap import iou
 from silmesh.hull import Hull
 from silmesh.softras.batches import render_views
 
@@ -25,11 +26,8 @@ def silhouette_iou(
         [views]
     """
     alphas = render_views(cameras.project(verts), faces, silhouettes.shape[1:], sigma)
-    iou = np.zeros(len(silhouettes))
-    for i, (alpha, silhouette) in enumerate(zip(alphas, silhouettes, strict=True)):
-        rendered = (alpha > 0.5).numpy()
-        iou[i] = (rendered & silhouette).sum() / max((rendered | silhouette).sum(), 1)
-    return iou
+    pairs = zip(alphas, silhouettes, strict=True)
+    return np.array([iou((alpha > 0.5).numpy(), seen) for alpha, seen in pairs])
 
 
 def coherence(hull: Hull, cameras: Cameras, silhouettes: np.ndarray) -> np.ndarray:
@@ -50,11 +48,11 @@ def coherence(hull: Hull, cameras: Cameras, silhouettes: np.ndarray) -> np.ndarr
     )
 
 
-def summarise_iou(iou: np.ndarray, held_out: Sequence[int]) -> dict[str, float | None]:
+def summarise_iou(values: np.ndarray, held_out: Sequence[int]) -> dict[str, float | None]:
     """Mean and least over the fitted views, mean over the held-out ones (None without)."""
-    fitted = np.delete(iou, list(held_out))
+    fitted = np.delete(values, list(held_out))
     return {
         "iou_mean": float(fitted.mean()),
         "iou_min": float(fitted.min()),
-        "iou_holdout": float(iou[list(held_out)].mean()) if len(held_out) else None,
+        "iou_holdout": float(values[list(held_out)].mean()) if len(held_out) else None,
     }

@@ -20,6 +20,7 @@ from numba import njit
 from skimage.measure import marching_cubes
 
 from silmesh.cameras.camera import OBJECT_RADIUS, Cameras
+from silmesh.geometry.frame import is_cut
 
 REACH = 1 / 16  # of the image's side: distances to the outline are cut off there
 GRACE = 0.15  # pixels that every outline is moved outwards: each is only known to half a pixel,
@@ -77,12 +78,6 @@ class _Outlines(NamedTuple):
     ahead: np.ndarray
     across: np.ndarray
     far: float
-
-
-def is_cut(silhouettes: np.ndarray) -> np.ndarray:
-    """Whether the frame cuts each silhouette [views, height, width]: it may go on beyond it."""
-    rows, columns = silhouettes[:, [0, -1]], silhouettes[:, :, [0, -1]]
-    return rows.any(axis=(1, 2)) | columns.any(axis=(1, 2))
 
 
 def carve(

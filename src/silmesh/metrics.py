@@ -8,8 +8,8 @@ import trimesh
 
 from silmesh.cameras.camera import MIRROR, Cameras
 from silmesh.evaluation import silhouette_iou, summarise_iou
+from silmesh.mesh_quality import measure_quality
 from silmesh.meshes import to_tensors
-from silmesh.quality import measure_quality
 from silmesh.scene import Scene
 from silmesh.views import held_out
 
@@ -85,8 +85,8 @@ def _compare(
 ) -> dict[str, bool | float | dict | None]:
     """Compare a mesh to the truth, after it was ``laid`` on it if that is asked for."""
     # What only a truth needs: libraries that take half a second of a run without one.
-    from silmesh.alignment import align
-    from silmesh.comparison import compare_to_truth
+    from silmesh.ground_truth import compare_to_truth
+    from silmesh.registration import align
 
     if not laid:
         return compare_to_truth(mesh, truth)

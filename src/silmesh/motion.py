@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from silmesh.agreement import COHERENT, refuse_incoherent
+from silmesh.agreement import refuse_incoherent
 from silmesh.cameras.attempt import Attempt
 from silmesh.cameras.colmap import attempt_model
 from silmesh.cameras.features import extract, keep_inside
@@ -17,6 +17,7 @@ from silmesh.cameras.matching import match
 from silmesh.cameras.stages import DATABASE, MODEL, Report, make_stage, read_report
 from silmesh.progress import Share, untold, within
 from silmesh.settings.cameras import Colmap
+from silmesh.thresholds import COHERENT
 from silmesh.views import View
 
 SOURCE, MASKED = "colmap", "colmap, masked"

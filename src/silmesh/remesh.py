@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from silmesh.geometry.edges import number_edges
+
 Floats = NDArray[np.floating]
 Ints = NDArray[np.integer]
 
@@ -56,7 +58,7 @@ def split_long(verts: Floats, faces: Ints, longest: float) -> tuple[Floats, Ints
          /  |  \\          /  |/ \\          / \\ / \\
         a---m---b        a---m---b        a---m---b
     """
-    edges, of_face = _number_edges(faces)
+    edges, of_face = number_edges(faces)
     long = _lengths(verts, edges) > longest
     middle = len(verts) + np.cumsum(long) - 1
     verts = np.concatenate([verts, verts[edges[long]].mean(axis=1)])
@@ -91,7 +93,7 @@ def collapse_short(
     """Pull the ends of every shorter edge together, where that keeps a manifold and no edge grows
     longer than ``longest`` nor a triangle tips over."""
     for _ in range(rounds):
-        edges, _ = _number_edges(faces)
+        edges, _ = number_edges(faces)
         length = _lengths(verts, edges)
         short = np.flatnonzero((length < shortest) & _collapsible(edges, faces, len(verts)))
         short = edges[short[np.argsort(length[short], kind="stable")]]
@@ -176,7 +178,7 @@ def flip_edges(verts: Floats, faces: Ints, passes: int = 3) -> Ints:
           d              d
     """
     for _ in range(passes):
-        edges, _ = _number_edges(faces)
+        edges, _ = number_edges(faces)
         diamonds, sides = _diamonds(faces)
         degree = np.bincount(edges.ravel(), minlength=len(verts))
         off, turned = degree[diamonds] - 6, np.array([-1, -1, 1, 1])
@@ -217,7 +219,7 @@ def _flip(faces: Ints, diamonds: Ints, sides: Ints) -> Ints:
 
 def relax(verts: Floats, faces: Ints, step: float = STEP) -> Floats:
     """Move every vertex towards the mean of its neighbours, in its tangent plane."""
-    edges, _ = _number_edges(faces)
+    edges, _ = number_edges(faces)
     adjacent = _adjacency(edges, len(verts))
     mean = adjacent @ verts / np.maximum(adjacent.sum(axis=1), 1).reshape(-1, 1)
     normals = np.zeros_like(verts)
@@ -227,17 +229,9 @@ def relax(verts: Floats, faces: Ints, step: float = STEP) -> Floats:
     return verts + move - normals * (move * normals).sum(axis=1, keepdims=True)
 
 
-def _number_edges(faces: Ints) -> tuple[Ints, Ints]:
-    """Every edge once, [edges, 2], and which of them are ab, bc, ca of each face, [faces, 3]."""
-    ends = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1), axis=-1)
-    stride = int(faces.max()) + 1
-    keys, of_face = np.unique(ends[..., 0] * stride + ends[..., 1], return_inverse=True)
-    return np.stack(np.divmod(keys, stride), axis=1), of_face.reshape(-1, 3)
-
-
 def _diamonds(faces: Ints) -> tuple[Ints, Ints]:
     """About every edge, a, b, c, d of the triangles abc and bad, [edges, 4], and these two."""
-    _, of_face = _number_edges(faces)
+    _, of_face = number_edges(faces)
     order = np.argsort(of_face.ravel(), kind="stable").reshape(-1, 2)
     face, side = np.divmod(order, 3)
     a, b = faces[face[:, 0], side[:, 0]], faces[face[:, 0], (side[:, 0] + 1) % 3]

@@ -59,6 +59,11 @@ class View:
     unreadable: str = ""
 
     @property
+    def frame(self) -> tuple[int, int, int, int]:
+        """Left, top, right and bottom of the photograph within the working image, in pixels."""
+        return self.left, self.top, self.right, self.bottom
+
+    @property
     def pixel_map(self) -> np.ndarray:
         """[3, 3] float64, homogeneous pixels of the photograph to those of the working image."""
         scale_x = (self.right - self.left) / self.width

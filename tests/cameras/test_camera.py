@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 import torch
-from scenes import dome, turntable
+from scenes import behind_lenses, dome, turntable
 
 from silmesh.cameras.camera import Cameras, Similarity, read_cameras, write_cameras
 from silmesh.cameras.lens import Lens
@@ -91,7 +91,7 @@ def test_select_keeps_the_order_asked_for():
 def test_a_lens_stays_with_its_camera():
     """It bends normalised coordinates, whatever becomes of pixels and world."""
     lenses = [None, Lens("RADIAL", (0.1, 0.2)), Lens("FISHEYE", ())]
-    cameras = dome(3, 32).with_lenses(lenses)
+    cameras = behind_lenses(dome(3, 32), lenses)
     moved = cameras.select([2, 0, 1]).in_pixels_of(torch.eye(3).expand(3, 3, 3), cameras.sizes)
     moved = moved.in_world_of(Similarity(torch.ones(3), 2.0)).named(["a", "b", "c"])
     assert moved.lenses == (lenses[2], None, lenses[1])

@@ -1,11 +1,13 @@
 """A fit that is killed goes on from its checkpoint, to the same bytes."""
 
 import os
+import pickle
 import resource
 import signal
 import subprocess
 import sys
 import time
+from dataclasses import fields
 from pathlib import Path
 
 import pandas as pd
@@ -14,7 +16,7 @@ import torch
 from scenes import silhouettes, turntable
 
 from silmesh.fitting.checkpoint import Checkpoint
-from silmesh.fitting.fast import Fast
+from silmesh.fitting.fast import Fast, State
 from silmesh.fitting.loop import run
 from silmesh.fitting.softras import SoftRas
 from silmesh.meshes import to_tensors
@@ -97,6 +99,31 @@ def test_a_file_that_is_no_checkpoint_is_as_none(content, tmp_path):
     if content is not None:
         path.write_bytes(content)
     assert Checkpoint(path, ["one"]).read() is None
+
+
+def test_all_that_changes_in_a_fit_is_in_its_checkpoint():
+    """Beside its state only what follows from the faces changes."""
+    fit = make("fast")
+    names = {field.name for field in fields(State)}
+
+    def rest():
+        follows = ("_state", "_smooth", "_objective")
+        return pickle.dumps({name: v for name, v in vars(fit).items() if name not in follows})
+
+    assert set(vars(fit._state)) == set(fit.state()) == names
+    before = rest()
+    run(fit)
+    assert rest() == before
+    assert set(vars(fit._state)) == names
+
+
+@pytest.mark.parametrize("lacking", [field.name for field in fields(State)])
+def test_no_field_of_a_state_may_be_forgotten(lacking):
+    fit = make("fast")
+    state = fit.state()
+    del state[lacking]
+    with pytest.raises(KeyError, match=lacking):
+        fit.restore(state)
 
 
 @pytest.mark.parametrize("lacking", ["state", "fit", "records", "u", "steps"])

@@ -13,8 +13,8 @@ from silmesh.fitting import fast
 from silmesh.fitting.cameras import SHARED_SD
 from silmesh.fitting.fast import Fast
 from silmesh.fitting.loop import run
+from silmesh.mesh_quality import count_intersections
 from silmesh.meshes import to_tensors
-from silmesh.quality import count_intersections
 from silmesh.settings.fit import FastFit, FastWeights
 from silmesh.shapes.sphere import unit_sphere
 
@@ -120,7 +120,7 @@ def test_batches_share_the_views_evenly_and_each_round_sees_all(views, batch):
         order = []
         for _ in range(number):
             order.append(fit._choose())
-            fit._steps += 1
+            fit._state.steps += 1
         assert sorted(view for index in order for view in index) == list(range(views))
         for index in order:
             assert len(index) <= (batch or views)
@@ -136,11 +136,11 @@ def test_a_step_halves_when_a_round_is_no_better_and_the_level_ends():
         for rounds in range(halvings):  # nothing is before the first; each further one halves
             for _ in range(fit._round):
                 fit._count_round(0.5)
-            assert (fit._level, fit._slowed) == (level, rounds)
+            assert (fit._state.level, fit._state.slowed) == (level, rounds)
         assert not fit.done
         for _ in range(fit._round):
             fit._count_round(0.5 * (1 - fast.LEVELLED / 2))
-        assert (fit._level, fit._slowed) == (level + 1, 0)
+        assert (fit._state.level, fit._state.slowed) == (level + 1, 0)
     assert fit.done
 
 
@@ -149,7 +149,7 @@ def test_falling_losses_do_not_halve():
     for k in range(5):
         for _ in range(fit._round):
             fit._count_round(0.8**k)
-    assert fit._slowed == 0
+    assert fit._state.slowed == 0
 
 
 def test_losses_that_fall_after_a_jump_halve_once():
@@ -157,7 +157,7 @@ def test_losses_that_fall_after_a_jump_halve_once():
     for loss in (0.2, 0.3, 0.28, 0.26, 0.24, 0.22):
         for _ in range(fit._round):
             fit._count_round(loss)
-    assert (fit._level, fit._slowed) == (0, 1)
+    assert (fit._state.level, fit._state.slowed) == (0, 1)
 
 
 def test_a_view_without_weight_says_nothing():

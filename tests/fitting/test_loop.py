@@ -9,6 +9,10 @@ from silmesh.errors import InputError
 from silmesh.fitting.loop import TRIES, NotFinite, refuse_not_finite, run
 
 
+def losses_of(loss, laplacian=0.0):
+    return {"loss": loss, "iou_loss": loss, "laplacian": laplacian, "flatten": 0.0}
+
+
 class Descent:
     """x goes down the slope of x^2 in steps that are too long: past ``cliff`` nothing is finite."""
 
@@ -24,10 +28,11 @@ class Descent:
 
     def step(self):
         loss = self.x**2 if abs(self.x) < self.cliff else math.inf
-        refuse_not_finite([loss, loss, 0.0, 0.0])
+        losses = losses_of(loss)
+        refuse_not_finite(losses)
         self.x -= self.length * 0.5**self.halvings * 2 * self.x
         self.steps += 1
-        return [loss, loss, 0.0, 0.0]
+        return losses
 
     def state(self):
         return {"x": self.x, "steps": self.steps, "halvings": self.halvings}
@@ -63,7 +68,7 @@ def test_it_is_given_up_with_a_message():
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_what_is_not_finite_is_named(value):
     with pytest.raises(NotFinite, match="Laplacian"):
-        refuse_not_finite([1.0, 1.0, value, 1.0])
+        refuse_not_finite(losses_of(1.0, value))
     with pytest.raises(NotFinite, match="a gradient or a vertex"):
-        refuse_not_finite([1.0] * 4, torch.ones(3), torch.tensor([0.0, value]))
-    assert refuse_not_finite([1.0] * 4, torch.ones(3)) == [1.0] * 4
+        refuse_not_finite(losses_of(1.0), torch.ones(3), torch.tensor([0.0, value]))
+    assert refuse_not_finite(losses_of(1.0), torch.ones(3)) == losses_of(1.0)

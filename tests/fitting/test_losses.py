@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import torch
 
-from silmesh.fitting.losses import Flatten, Laplacian, edge_diamonds, iou_loss, unique_edges
+from silmesh.fitting.losses import Flatten, Laplacian, edge_diamonds, iou_loss
 from silmesh.meshes import to_tensors
 from silmesh.shapes.sphere import unit_sphere
 
@@ -117,10 +117,6 @@ def test_gradients_are_bitwise_the_same_for_any_number_of_threads():
         (Laplacian(faces, 1922)(moved) + Flatten(faces)(moved)).backward()
         seen.add(moved.grad.numpy().tobytes())
     assert len(seen) == 1
-
-
-def test_every_edge_once():
-    assert unique_edges(PAIR).tolist() == [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3]]
 
 
 def test_only_the_shared_edge_has_a_diamond():

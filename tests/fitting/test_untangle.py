@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from silmesh.fitting.untangle import untangle
-from silmesh.quality import count_intersections
+from silmesh.mesh_quality import count_intersections
 from silmesh.shapes.sphere import unit_sphere
 
 GAP = 0.01

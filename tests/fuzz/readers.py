@@ -9,7 +9,7 @@ import json
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -66,7 +66,7 @@ class Reader:
 def _colmap_text(folder: Path) -> None:
     lenses = [None, Lens("RADIAL", (0.1, -0.02)), Lens("FOV", (0.5,)), None]
     images = {name: f"{name}.jpg" for name in NAMES}
-    formats.colmap.write(folder / "model", GIVEN.with_lenses(lenses), images)
+    formats.colmap.write(folder / "model", replace(GIVEN, lenses=tuple(lenses)), images)
 
 
 def _colmap_binary(folder: Path) -> None:
@@ -131,7 +131,7 @@ def _nerf_synthetic(folder: Path) -> None:
 
 def _silmesh(folder: Path) -> None:
     lenses = [None, Lens("RADIAL", (0.1, -0.02)), Lens("FISHEYE", ()), None]
-    write_cameras(folder / "cameras.json", GIVEN.with_lenses(lenses))
+    write_cameras(folder / "cameras.json", replace(GIVEN, lenses=tuple(lenses)))
 
 
 def _texts(folder: Path) -> None:

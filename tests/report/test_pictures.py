@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 import trimesh
+from drawing import render_colours
 from PIL import Image
 
 from silmesh.cameras.turntable import turntable_cameras
@@ -26,7 +27,6 @@ from silmesh.report.pictures import (
     shade,
     trace,
 )
-from silmesh.softras.colours import render_colours
 
 
 @pytest.fixture

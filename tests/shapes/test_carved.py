@@ -3,9 +3,10 @@ import pytest
 import trimesh
 from scenes import dome, silhouettes, turntable
 
+from silmesh.geometry.overlap import mean_iou
 from silmesh.hull import Hull
 from silmesh.shapes.carved import EmptyHull, choose_tolerated, draw, hull_mesh, prism_mesh
-from silmesh.shapes.looks import mean_iou, render
+from silmesh.shapes.looks import render
 
 SIZE = 96
 PIXEL = 2.732 * np.tan(np.radians(15)) * 2 / SIZE  # a pixel's size at the origin
@@ -20,6 +21,11 @@ def see(mesh, cameras):
     return render(mesh, cameras, (SIZE, SIZE))
 
 
+def genus_of(carved):
+    """Tunnels through a carved mesh."""
+    return 1 - carved.mesh.euler_number // 2
+
+
 @pytest.fixture(scope="module")
 def ring():
     """A torus about z, as a mug's handle, and its silhouettes from all around."""
@@ -31,7 +37,7 @@ def ring():
 def test_a_handle_keeps_its_hole(ring):
     cameras, seen, torus = ring
     carved = hull_mesh(seen, cameras, 700, "keep")
-    assert carved.genus == 1
+    assert genus_of(carved) == 1
     assert len(carved.mesh.vertices) == 700
     assert len(carved.mesh.faces) == 1400
     assert is_closed(carved.mesh)
@@ -43,7 +49,7 @@ def test_a_handle_keeps_its_hole(ring):
 def test_the_hole_is_closed_where_a_sphere_is_asked_for(ring):
     cameras, seen, _ = ring
     carved = hull_mesh(seen, cameras, 500, "sphere")
-    assert carved.genus == 0
+    assert genus_of(carved) == 0
     assert len(carved.mesh.vertices) == 500
     assert is_closed(carved.mesh)
     assert carved.mesh.contains([[0, 0, 0]])[0]
@@ -81,7 +87,7 @@ def test_a_hollow_inside_is_no_piece():
     hull = field_of(lambda p: np.minimum(ball(p, [0, 0, 0], 0.4), -ball(p, [0, 0, 0], 0.2)))
     carved = draw(hull, 200, "keep")
     assert carved.pieces == 1
-    assert carved.genus == 0
+    assert genus_of(carved) == 0
     assert carved.mesh.volume == pytest.approx(4 / 3 * np.pi * 0.4**3, rel=0.05)
 
 
@@ -91,7 +97,7 @@ def test_a_tunnel_narrower_than_an_edge_is_closed():
             ball(points, [0, 0, 0], 0.4), np.linalg.norm(points[..., :2], axis=-1) - 0.03
         )
 
-    assert draw(field_of(drilled), 200, "keep").genus == 0
+    assert genus_of(draw(field_of(drilled), 200, "keep")) == 0
 
 
 def test_an_empty_hull_names_the_views_that_empty_it():
@@ -128,7 +134,7 @@ def test_a_prism_is_extruded_along_its_view():
 
 def test_a_prism_keeps_the_hole_of_its_silhouette(ring):
     cameras, seen, _ = ring
-    assert prism_mesh(seen, cameras, 600, "sphere").genus == 0
+    assert genus_of(prism_mesh(seen, cameras, 600, "sphere")) == 0
     level = turntable(8, SIZE)
     torus = trimesh.creation.torus(0.3, 0.1, major_sections=64, minor_sections=32)
-    assert prism_mesh(see(torus, level), level, 600, "keep").genus == 1
+    assert genus_of(prism_mesh(see(torus, level), level, 600, "keep")) == 1

@@ -6,7 +6,7 @@ import torch
 import trimesh
 from scenes import dome, silhouettes, turntable
 
-from silmesh.hull import is_cut
+from silmesh.geometry.frame import is_cut
 from silmesh.shapes.ellipsoid import find_ellipsoid
 
 SIZE = 128

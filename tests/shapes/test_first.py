@@ -6,12 +6,13 @@ import trimesh
 from scenes import silhouettes, turntable
 
 from silmesh.errors import InputError
+from silmesh.geometry.overlap import mean_iou
 from silmesh.progress import untold
 from silmesh.settings.check import check
 from silmesh.settings.init import Init
 from silmesh.shapes.choose import LATEST, ROUNDS, VIEWS, score_meshes
 from silmesh.shapes.first import PLACED, SHAPES, first_mesh
-from silmesh.shapes.looks import crop, look_smaller, mean_iou, render
+from silmesh.shapes.looks import crop, look_smaller, render
 
 SIZE = 96
 AXES, CENTRE = (0.2, 0.35, 0.15), (0.1, -0.05, 0.05)

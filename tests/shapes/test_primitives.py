@@ -3,7 +3,8 @@ import pytest
 import trimesh
 from scenes import dome, turntable
 
-from silmesh.shapes.looks import mean_iou, render
+from silmesh.geometry.overlap import mean_iou
+from silmesh.shapes.looks import render
 from silmesh.shapes.primitives import (
     PRIMITIVES,
     placed_primitive,

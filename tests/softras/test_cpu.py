@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from drawing import render_tiles
 from scipy.spatial import ConvexHull
 
 from silmesh.softras import cpu, reference, soft_silhouettes
@@ -70,7 +71,7 @@ def find_doubtful(points, faces, size, sigma):
             distance2, inside = reference.measure(pixels.unsqueeze(2), triangles, sigma)
             return (((distance2 / radius2 - 1).abs() < 1e-4) & ~inside).any(dim=-1)
 
-        doubtful.append(reference.render_tiles(near_cutoff, size, triangles))
+        doubtful.append(render_tiles(near_cutoff, size, triangles))
     return torch.stack(doubtful)
 
 

@@ -11,7 +11,7 @@ import pytest
 import torch
 import trimesh
 from PIL import Image
-from scenes import save, silhouettes, turntable
+from scenes import behind_lenses, save, silhouettes, turntable
 
 from silmesh.cameras.attempt import Attempt, read_attempt, write_attempt
 from silmesh.cameras.camera import Similarity, read_cameras, write_cameras
@@ -361,7 +361,7 @@ def test_a_lens_is_taken_away_in_the_scene(results, tmp_path):
         shutil.copytree(results / name, folder)
         for view, K in zip(straight.views, straight.K, strict=True):
             bend(results / name / f"{view}.png", folder / f"{view}.png", K, lens)
-    write_attempt(tmp_path / "cameras", Attempt("file", straight.with_lenses([lens] * COUNT)))
+    write_attempt(tmp_path / "cameras", Attempt("file", behind_lenses(straight, [lens] * COUNT)))
     call(scene, **pictures, cameras=tmp_path / "cameras", output=tmp_path / "scene")
     told = json.loads((tmp_path / "scene" / "scene.json").read_text())
     assert told["undistorted"] == COUNT

@@ -178,7 +178,7 @@ def calibrate_views(
         silhouettes,
         [view.view for view in views],
         aspect=float(scale[1, 1] / scale[0, 0]),
-        frames=np.array([[view.left, view.top, view.right, view.bottom] for view in views]),
+        frames=np.array([view.frame for view in views]),
         **known,
     )
 

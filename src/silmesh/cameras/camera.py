@@ -143,10 +143,6 @@ class Cameras:
             tuple(self.lenses[i] for i in index),
         )
 
-    def with_lenses(self, lenses: Sequence[Lens | None]) -> "Cameras":
-        """The same cameras behind lenses, one for each view."""
-        return replace(self, lenses=tuple(lenses))
-
     def named(self, views: Sequence[str]) -> "Cameras":
         """The same cameras under other names."""
         return replace(self, views=tuple(views))

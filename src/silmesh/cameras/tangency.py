@@ -23,6 +23,7 @@ from scipy.special import ndtri
 from skimage.measure import find_contours
 
 from silmesh.errors import InputError
+from silmesh.geometry.frame import is_cut, whole_frames
 from silmesh.hull import signed_distance
 
 REACH = 3 / 32  # of the image's side: distances to the outline are cut off there
@@ -87,19 +88,13 @@ def trace(
         distances = np.stack(list(pool.map(lambda s: _measure_distance(s, far), silhouettes)))
     points = np.stack([_spread_points(d, samples) for d in distances])
     if frames is None:
-        frames = np.tile([0, 0, *silhouettes.shape[:0:-1]], (len(silhouettes), 1))
+        frames = whole_frames(silhouettes)
     least, most = frames[:, None, :2] + EDGE, frames[:, None, 2:] - EDGE
     known = ((points > least) & (points < most)).all(axis=2)
-    cut = np.array([_is_cut(s, frame) for s, frame in zip(silhouettes, frames, strict=True)])
+    cut = is_cut(silhouettes, frames)
     for i in np.flatnonzero(cut):
         _forget_beyond(distances[i], frames[i])
     return Outlines(distances, cut, points, known, far)
-
-
-def _is_cut(silhouette: np.ndarray, frame: Sequence[int]) -> bool:
-    left, top, right, bottom = frame
-    inside = silhouette[top:bottom, left:right]
-    return bool(inside[[0, -1]].any() or inside[:, [0, -1]].any())
 
 
 def _forget_beyond(distance: np.ndarray, frame: Sequence[int]) -> None:
@@ -220,18 +215,18 @@ def _spread_turns(views: int) -> np.ndarray:
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def _sample(image, m, x, y, z):
-    """The distance where a point projects, by bilinear interpolation; NaN beyond the frame."""
-    height, width = image.shape
-    depth = m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + m[2, 3]
-    column = (m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + m[0, 3]) / depth - 0.5
-    row = (m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + m[1, 3]) / depth - 0.5
+def _sample(images, P, v, x, y, z):
+    """The distance where view v sees a point, by bilinear interpolation; NaN beyond the frame."""
+    _, height, width = images.shape
+    depth = P[v, 2, 0] * x + P[v, 2, 1] * y + P[v, 2, 2] * z + P[v, 2, 3]
+    column = (P[v, 0, 0] * x + P[v, 0, 1] * y + P[v, 0, 2] * z + P[v, 0, 3]) / depth - 0.5
+    row = (P[v, 1, 0] * x + P[v, 1, 1] * y + P[v, 1, 2] * z + P[v, 1, 3]) / depth - 0.5
     if not (depth > 0 and 0 <= column < width - 1 and 0 <= row < height - 1):
         return np.nan
     c, r = int(column), int(row)
     u, w = column - c, row - r
-    above = image[r, c] * (1 - u) + image[r, c + 1] * u
-    below = image[r + 1, c] * (1 - u) + image[r + 1, c + 1] * u
+    above = images[v, r, c] * (1 - u) + images[v, r, c + 1] * u
+    below = images[v, r + 1, c] * (1 - u) + images[v, r + 1, c + 1] * u
     return above * (1 - w) + below * w
 
 
@@ -244,7 +239,7 @@ def _find_least(distances, cut, far, P, order, v, x, y, z, best):
     least, view = 0.0, -1
     for turn in order:
         j = (v + turn) % len(distances)
-        value = _sample(distances[j], P[j], x, y, z)
+        value = _sample(distances, P, j, x, y, z)
         if np.isnan(value):
             if cut[j]:
                 continue
@@ -307,5 +302,5 @@ def _measure(distances, far, P, centres, rays, middle, depth, view, at):
             x = centres[v, 0] + along * rays[v, s, 0]
             y = centres[v, 1] + along * rays[v, s, 1]
             z = centres[v, 2] + along * rays[v, s, 2]
-            value = _sample(distances[j], P[j], x, y, z)
+            value = _sample(distances, P, j, x, y, z)
             at[v, s] = -far if np.isnan(value) else value

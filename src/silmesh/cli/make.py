@@ -33,10 +33,11 @@ from silmesh.intake.photographs import (
     is_picture,
     is_video,
 )
-from silmesh.intake.sources import COHERENT, choose_cameras, choose_silhouettes, look
+from silmesh.intake.sources import choose_cameras, choose_silhouettes, look
 from silmesh.settings.section import own_file
 from silmesh.silhouettes.mask import refuse_labels
 from silmesh.silhouettes.weights import CACHE
+from silmesh.thresholds import CONVINCING
 
 VIDEO = "video"  # folder of what a video is cut into; no masks lie beside it
 OTHER_KEEP = "--keep should name another folder"
@@ -231,7 +232,7 @@ def _try(
         else:
             made = variant
             coherence = _read(work, made)["hull_iou_mean"]
-            if coherence >= COHERENT:
+            if coherence >= CONVINCING:
                 break
         if then:
             why, *measured = (

@@ -10,9 +10,10 @@ from typing import Any
 from silmesh.errors import NAMED, InputError, name_some
 from silmesh.files import replacing
 from silmesh.naming import quote
+from silmesh.thresholds import COHERENT
 
 SUFFIXES = (".glb", ".obj", ".ply", ".stl")
-HULL, MEAN, WORST = 0.9, 0.95, 0.85  # IoU below which cameras, the fit and a view are doubted
+MEAN, WORST = 0.95, 0.85  # IoU below which the fit and a view are doubted
 FEWEST = 8  # photographs, below which a hull of true silhouettes holds much that is not the object
 CONTRADICTED = 0.1  # of the views: more whose colours contradict their silhouettes are a doubt
 UNUSED = 0.2  # of all photographs: more that have no part in the mesh are a doubt
@@ -65,7 +66,7 @@ def find_doubts(
     silhouettes = folder / metrics["silhouettes"]
     doubts = list(metrics.get("measured", ()))  # results of before have none
     turns = metrics["cameras"]["source"] == CALIBRATE
-    if metrics["hull_iou_mean"] < HULL:
+    if metrics["hull_iou_mean"] < COHERENT:
         doubts.append(
             f"cameras and silhouettes contradict each other: no body fills more than "
             f"{metrics['hull_iou_mean']:.0%} of these. Look at the silhouettes in "
@@ -77,7 +78,7 @@ def find_doubts(
         doubts.append("the fit ended early: try --init auto")
     worst = sorted(metrics["iou"], key=metrics["iou"].get)
     worst = [view for view in worst if metrics["iou"][view] < WORST][:NAMED]
-    if worst and metrics["hull_iou_mean"] >= HULL:
+    if worst and metrics["hull_iou_mean"] >= COHERENT:
         doubts.append(
             f"the mesh misses the object in {', '.join(worst)}: look at their silhouettes in "
             f"{quote(silhouettes)}, and leave out photographs that show it wrongly"

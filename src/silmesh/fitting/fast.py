@@ -8,6 +8,8 @@ halved often enough, the level is done.
 
 import math
 from copy import deepcopy
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
 import torch
@@ -17,7 +19,7 @@ from silmesh.cameras.camera import FIRST_SCALE, Cameras
 from silmesh.fitting.cameras import Refinement, RefinementAdam
 from silmesh.fitting.levels import Level, levels_of
 from silmesh.fitting.loop import refuse_not_finite
-from silmesh.fitting.losses import Flatten, Laplacian, iou_loss
+from silmesh.fitting.losses import Objective
 from silmesh.fitting.place import place
 from silmesh.fitting.smooth import Smooth, UniformAdam
 from silmesh.fitting.untangle import untangle
@@ -38,6 +40,39 @@ FINER = 0.7  # mean of the edges over their wished length that does so, too
 SHORTEST = 1.0  # pixels of the working images: no edge is wished shorter
 REMESH_PASSES = 3
 APART = 0.1  # pixels of the working images between two sides that had passed through each other
+
+
+@dataclass
+class State:
+    """All of a fit that changes from step to step, which is what a checkpoint keeps.
+
+    Attributes:
+        faces: [faces, 3] int64
+        u: [verts, 3] float64, the parameters of the vertices, as ``Smooth`` has them
+        mover: what moves them
+        corrections: of the cameras, as ``Refinement`` has them
+        adam: what moves these
+        steps: how many were taken
+        halvings: how many times steps were halved because a number was not finite
+        near: whether the mesh is near enough to tell something about the cameras
+        level: the one that is fitted; their number when the last is done
+        slowed: how many times the level's steps were halved because its loss had levelled
+        before: mean loss of the round before
+        losses: of this round's steps so far
+    """
+
+    faces: Tensor
+    u: Tensor
+    mover: UniformAdam
+    corrections: Tensor
+    adam: RefinementAdam
+    steps: int = 0
+    halvings: int = 0
+    near: bool = False
+    level: int = 0
+    slowed: int = 0
+    before: float = math.inf
+    losses: list[float] = field(default_factory=list)
 
 
 class Fast:
@@ -67,94 +102,106 @@ class Fast:
         self._batches = math.ceil(len(cameras) / (settings.batch or len(cameras)))
         self._round = self._batches * math.ceil(ROUND / self._batches)
         self._refinement = Refinement(cameras)
-        self._corrections = self._refinement.start().requires_grad_()
-        self._adam = RefinementAdam([self._corrections], CAMERA_BETAS)
         self._count = len(faces)
-        self._steps, self.halvings, self._near = 0, 0, False
-        self._take_mesh(place(template / FIRST_SCALE, cameras, silhouettes.cpu()), faces)
-        self._enter(0)
+        self._take_faces(faces, len(template))
+        self._state = self._start(place(template / FIRST_SCALE, cameras, silhouettes.cpu()), faces)
         self._even_out()
+
+    def _start(self, verts: Tensor, faces: Tensor) -> State:
+        u, corrections = self._smooth.parameters(verts), self._refinement.start().requires_grad_()
+        mover, adam = self._new_mover(u), RefinementAdam([corrections], CAMERA_BETAS)
+        return State(faces, u.requires_grad_(), mover, corrections, adam)
+
+    @property
+    def faces(self) -> Tensor:
+        """The faces [faces, 3]."""
+        return self._state.faces
+
+    @property
+    def halvings(self) -> int:
+        """How many times steps were halved because a number was not finite."""
+        return self._state.halvings
+
+    @halvings.setter
+    def halvings(self, count: int) -> None:
+        self._state.halvings = count
 
     @property
     def done(self) -> bool:
         """Whether the last level is done, or no step is left."""
-        return self._level == len(self._levels) or self._steps == self._told.iterations
+        state = self._state
+        return state.level == len(self._levels) or state.steps == self._told.iterations
 
     @property
     def verts(self) -> Tensor:
         """The vertices [verts, 3]."""
-        return self._smooth(self._u).detach()
+        return self._smooth(self._state.u).detach()
 
     def correct(self, cameras: Cameras, fitted: list[int]) -> Cameras:
         """Cameras of all views, those at the positions ``fitted`` fitted, as the mesh has them."""
         if not self._told.refine_cameras:
             return cameras
-        return self._refinement.all_of(self._corrections.detach(), cameras, fitted)
+        return self._refinement.all_of(self._state.corrections.detach(), cameras, fitted)
 
-    def step(self) -> list[float]:
+    def step(self) -> dict[str, float]:
         """A step on a batch of views."""
-        told, level = self._told, self._levels[self._level]
-        index, verts = self._choose(), self._smooth(self._u)
+        level = self._levels[self._state.level]
+        index, verts = self._choose(), self._smooth(self._state.u)
         cameras = level.see(self._cameras(index))
         seen = level.silhouettes[index]
         alpha = soft_silhouettes(
             cameras.project(verts), self.faces, tuple(seen.shape[1:]), sigma=level.sigma
         )
         weights = None if self._weights is None else self._weights[index]
-        terms = [
-            iou_loss(alpha, seen, weights),
-            *(term(verts) for term in self._smoothness),
-        ]
-        loss = terms[0] + told.weights.laplacian * terms[1] + told.weights.flatten * terms[2]
-        losses = refuse_not_finite(torch.stack([loss, *terms]).tolist())
-        self._move(loss, level)
-        self._count_round(losses[0])
-        if self.done and told.untangle:
+        losses = self._objective(verts, alpha, seen, weights)
+        values = refuse_not_finite(losses.read())
+        self._move(losses.loss, level)
+        self._count_round(values["loss"])
+        if self.done and self._told.untangle:
             self._untangle()
-        return losses
+        return values
 
     def _cameras(self, index: list[int]) -> Cameras:
-        if self._near:
-            return self._refinement(self._corrections, index)
+        if self._state.near:
+            return self._refinement(self._state.corrections, index)
         return self._refinement.cameras.select(index)
 
     def _choose(self) -> list[int]:
         """The views of this step: every n-th, in an order of the rounds' own."""
-        number, place = divmod(self._steps, self._batches)
+        number, place = divmod(self._state.steps, self._batches)
         order = np.random.default_rng([self._told.seed, number]).permutation(self._batches)
         return list(range(order[place], len(self._refinement.cameras), self._batches))
 
     def _move(self, loss: Tensor, level: Level) -> None:
         """A step of the vertices and the cameras."""
-        share = 0.5 ** (self.halvings + self._slowed)
-        self._u.grad = self._corrections.grad = None
-        (loss + PRIOR * self._refinement.prior(self._corrections)).backward()
-        refuse_not_finite([], self._u.grad, self._corrections.grad)
+        state = self._state
+        share = 0.5 ** (state.halvings + state.slowed)
+        state.u.grad = state.corrections.grad = None
+        (loss + PRIOR * self._refinement.prior(state.corrections)).backward()
+        refuse_not_finite({}, state.u.grad, state.corrections.grad)
         length = self._told.learning_rate * level.pixel * share
         with torch.no_grad():
-            self._u -= length * self._mover.direction(self._u.grad)
-        if self._near:
-            self._adam.step(CAMERA_STEP * share)
-        refuse_not_finite([], self._u, self._corrections)
-        self._steps += 1
+            state.u -= length * state.mover.direction(state.u.grad)
+        if state.near:
+            state.adam.step(CAMERA_STEP * share)
+        refuse_not_finite({}, state.u, state.corrections)
+        state.steps += 1
 
     def _count_round(self, loss: float) -> None:
         """At a round's end: new edges if they are stretched, shorter steps if it has levelled."""
-        self._losses.append(loss)
-        if len(self._losses) < self._round:
+        state = self._state
+        state.losses.append(loss)
+        if len(state.losses) < self._round:
             return
-        mean, self._losses = sum(self._losses) / self._round, []
-        if mean > self._before * (1 - LEVELLED):  # a loss that falls after a jump has not levelled
-            self._slowed += 1
-        self._before = mean
-        self._near |= self._told.refine_cameras and mean < NEAR
-        finest = self._level == len(self._levels) - 1
-        if self._slowed >= (HALVINGS if finest else COARSE_HALVINGS):
-            self._enter(self._level + 1)
+        mean, state.losses = sum(state.losses) / self._round, []
+        if mean > state.before * (1 - LEVELLED):  # a loss that falls after a jump has not levelled
+            state.slowed += 1
+        state.before = mean
+        state.near |= self._told.refine_cameras and mean < NEAR
+        finest = state.level == len(self._levels) - 1
+        if state.slowed >= (HALVINGS if finest else COARSE_HALVINGS):
+            state.level, state.slowed, state.before = state.level + 1, 0, math.inf
         self._even_out()
-
-    def _enter(self, level: int) -> None:
-        self._level, self._slowed, self._before, self._losses = level, 0, math.inf, []
 
     def _even_out(self) -> None:
         """Give the mesh new edges if they have become uneven."""
@@ -177,43 +224,50 @@ class Fast:
 
     def _take_mesh(self, verts: Tensor, faces: Tensor) -> None:
         self._take_faces(faces, len(verts))
-        self._u = self._smooth.parameters(verts).requires_grad_()
-        self._mover = UniformAdam(self._u.detach(), self._told.betas)
+        state, u = self._state, self._smooth.parameters(verts)
+        state.faces, state.u, state.mover = faces, u.requires_grad_(), self._new_mover(u)
 
     def _take_faces(self, faces: Tensor, count: int) -> None:
-        self.faces = faces
-        self._smooth = Smooth(faces, count, self._told.smoothing)
-        self._smoothness = Laplacian(faces, count), Flatten(faces)
+        """What follows from the faces alone."""
+        told = self._told
+        self._smooth = Smooth(faces, count, told.smoothing)
+        self._objective = Objective(faces, count, told.weights)
+
+    def _new_mover(self, u: Tensor) -> UniformAdam:
+        return UniformAdam(u.detach(), self._told.betas)
 
     def state(self) -> dict:
-        """A copy of all that changes, and the number of ``steps`` that were taken."""
-        return deepcopy(
-            {
-                "steps": self._steps,
-                "halvings": self.halvings,
-                "level": [self._level, self._slowed, self._before, self._losses],
-                "near": self._near,
-                "u": self._u.detach(),
-                "faces": self.faces,
-                "mover": self._mover.state(),
-                "corrections": self._corrections.detach(),
-                "adam": self._adam.state(),
-            }
-        )
+        """A copy of all that changes, each field of ``State``, as what a file can hold."""
+        return deepcopy({f.name: _pack(getattr(self._state, f.name)) for f in fields(State)})
 
     def restore(self, state: dict) -> None:
         """Go on from a state."""
-        state = deepcopy(state)
-        self._steps, self.halvings = state["steps"], state["halvings"]
-        self._level, self._slowed, self._before, self._losses = state["level"]
-        self._near = state["near"]
-        if not torch.equal(self.faces, state["faces"]):
-            self._take_faces(state["faces"], len(state["u"]))
-        self._u = state["u"].requires_grad_()
-        self._mover.restore(state["mover"])
-        with torch.no_grad():
-            self._corrections.copy_(state["corrections"])
-        self._adam.restore(state["adam"])
+        kept = deepcopy(state)
+        if not torch.equal(self.faces, kept["faces"]):
+            self._take_faces(kept["faces"], len(kept["u"]))
+        for f in fields(State):
+            here = getattr(self._state, f.name)
+            setattr(self._state, f.name, _unpack(here, kept[f.name]))
+
+
+def _pack(value: Any) -> Any:
+    """What a checkpoint holds of a field."""
+    if isinstance(value, Tensor):
+        return value.detach()
+    return value.state() if hasattr(value, "state") else value
+
+
+def _unpack(here: Any, kept: Any) -> Any:
+    """A field as it was; an optimiser and what it moves stay the objects that they are."""
+    if hasattr(here, "restore"):
+        here.restore(kept)
+        return here
+    if not isinstance(here, Tensor) or not here.requires_grad:
+        return kept
+    if here.shape != kept.shape:
+        return kept.requires_grad_()
+    here.detach().copy_(kept)
+    return here
 
 
 PROCEDURE = Fast

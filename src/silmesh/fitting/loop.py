@@ -14,8 +14,8 @@ from silmesh.errors import InputError
 from silmesh.fitting.checkpoint import Checkpoint
 
 TRIES = 6  # how many times a step is halved before the fit is given up
+LABELS = {"iou_loss": "IoU loss", "laplacian": "Laplacian"}  # of losses that go by other words
 ADVICE = "A smaller learning_rate or a larger sigma may help"
-NAMES = ("loss", "IoU loss", "Laplacian", "flatten")
 
 
 @dataclass(frozen=True)
@@ -48,8 +48,8 @@ class Procedure(Protocol):
     done: bool
     halvings: int
 
-    def step(self) -> list[float]:
-        """Take a step; return loss, IoU loss, Laplacian, flatten before it, or raise NotFinite."""
+    def step(self) -> dict[str, float]:
+        """Take a step; return the losses before it, as a record names them, or raise NotFinite."""
 
     def correct(self, cameras: Cameras, fitted: list[int]) -> Cameras:
         """Cameras of all views, those at the positions ``fitted`` fitted, as the mesh has them."""
@@ -82,13 +82,14 @@ def run(
     good = here = fit.state()
     while not fit.done:
         try:
-            values = fit.step()
+            losses = fit.step()
         except NotFinite as error:
             _go_back(fit, good, f"step {len(records)} of the fit: {error}")
             del records[good["steps"] :]
             here = good
             continue
-        records.append(Record(len(records), *values, time.perf_counter() - start))
+        seconds = time.perf_counter() - start
+        records.append(Record(iteration=len(records), seconds=seconds, **losses))
         watch(records[-1])
         good, here = here, fit.state()
         if checkpoint:
@@ -122,15 +123,14 @@ def _go_back(fit: Procedure, good: dict, what: str) -> None:
     fit.halvings = halvings
 
 
-def refuse_not_finite(losses: list[float], *tensors: Tensor) -> list[float]:
-    """The losses, if they and all tensors are finite.
+def refuse_not_finite(losses: dict[str, float], *tensors: Tensor) -> dict[str, float]:
+    """The losses, by name, if they and all tensors are finite.
 
     Raises:
         NotFinite: they are not
     """
-    if not all(map(math.isfinite, losses)):
-        named = zip(NAMES, losses, strict=True)
-        listed = ", ".join(f"{name} {value:g}" for name, value in named)
+    if not all(map(math.isfinite, losses.values())):
+        listed = ", ".join(f"{LABELS.get(name, name)} {value:g}" for name, value in losses.items())
         raise NotFinite(f"{listed}; a loss is not finite")
     if not all(tensor.isfinite().all() for tensor in tensors):
         raise NotFinite("a gradient or a vertex is not finite")

@@ -4,10 +4,51 @@ Vertices are gathered by ``index_select``, whose gradient adds up in one order. 
 adds atomically from 32,768 numbers on, in an order that changes from run to run.
 """
 
+from typing import NamedTuple
+
 import torch
 from torch import Tensor
 
+from silmesh.geometry.edges import number_edges
+from silmesh.settings.fit import FastWeights, Weights
+
 EPS = 1e-6
+
+
+class Losses(NamedTuple):
+    """The loss of a step and the terms that it is the weighted sum of: numbers."""
+
+    loss: Tensor
+    iou_loss: Tensor
+    laplacian: Tensor
+    flatten: Tensor
+
+    def read(self) -> dict[str, float]:
+        """Their values, by name."""
+        return dict(zip(self._fields, torch.stack(self).tolist(), strict=True))
+
+
+class Objective:
+    """The loss of both presets: the IoU loss, and the two smoothness terms times their weights.
+
+    Args:
+        faces: [faces, 3], as ``Laplacian`` and ``Flatten`` take them
+        verts: how many vertices they have
+        weights: of the two terms
+    """
+
+    def __init__(self, faces: Tensor, verts: int, weights: Weights | FastWeights):
+        self._laplacian, self._flatten = Laplacian(faces, verts), Flatten(faces)
+        self._weights = weights
+
+    def __call__(
+        self, verts: Tensor, alpha: Tensor, silhouettes: Tensor, weights: Tensor | None = None
+    ) -> Losses:
+        """The losses of vertices [verts, 3] and their rendering; see ``iou_loss``."""
+        iou, laplacian = iou_loss(alpha, silhouettes, weights), self._laplacian(verts)
+        flatten = self._flatten(verts)
+        loss = iou + self._weights.laplacian * laplacian + self._weights.flatten * flatten
+        return Losses(loss, iou, laplacian, flatten)
 
 
 def iou_loss(alpha: Tensor, silhouettes: Tensor, weights: Tensor | None = None) -> Tensor:
@@ -51,7 +92,7 @@ class Laplacian:
     """
 
     def __init__(self, faces: Tensor, verts: int):
-        edges = unique_edges(faces)
+        edges, _ = _number_edges(faces)
         both_ways = torch.cat([edges, edges.flip(1)])
         degree = torch.bincount(both_ways[:, 0], minlength=verts)
         self._from, self._to = both_ways.unbind(1)
@@ -105,12 +146,6 @@ def _across(along: Tensor, side: Tensor) -> tuple[Tensor, Tensor]:
     return side - along * (dot / (along2 + EPS)).unsqueeze(-1), length
 
 
-def unique_edges(faces: Tensor) -> Tensor:
-    """Every edge once: [edges, 2], the lower index first."""
-    ends = torch.cat([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    return ends.sort(dim=1).values.unique(dim=0)
-
-
 def edge_diamonds(faces: Tensor) -> Tensor:
     """The four corners a, b, c, d about every edge ab that two triangles abc and abd share.
 
@@ -120,10 +155,17 @@ def edge_diamonds(faces: Tensor) -> Tensor:
         [edges, 4]
     """
     around = torch.cat([faces, faces.roll(-1, dims=1), faces.roll(-2, dims=1)])  # a, b, opposite
-    ends = around[:, :2].sort(dim=1).values
-    edges, which, count = ends.unique(dim=0, return_inverse=True, return_counts=True)
+    edges, of_face = _number_edges(faces)
+    which = of_face.T.flatten()
+    count = which.bincount()
     order = which.argsort(stable=True)
     first = count.cumsum(0) - count
     shared = count == 2
     c, d = (around[order[first[shared] + i], 2] for i in (0, 1))
     return torch.cat([edges[shared], c.unsqueeze(1), d.unsqueeze(1)], dim=1)
+
+
+def _number_edges(faces: Tensor) -> tuple[Tensor, Tensor]:
+    """``number_edges`` on the device of the faces."""
+    edges, of_face = number_edges(faces.cpu().numpy())
+    return torch.from_numpy(edges).to(faces.device), torch.from_numpy(of_face).to(faces.device)

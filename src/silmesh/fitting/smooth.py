@@ -12,7 +12,7 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 from torch import Tensor
 
-from silmesh.fitting.losses import unique_edges
+from silmesh.geometry.edges import number_edges
 
 EPS = 1e-20
 
@@ -27,7 +27,7 @@ class Smooth:
     """
 
     def __init__(self, faces: Tensor, verts: int, smoothing: float):
-        ends = unique_edges(faces).cpu().numpy()
+        ends, _ = number_edges(faces.cpu().numpy())
         both = np.concatenate([ends, ends[:, ::-1]])
         adjacent = sparse.csc_array((np.ones(len(both)), both.T), shape=(verts, verts))
         laplacian = sparse.diags_array(adjacent.sum(axis=0)) - adjacent

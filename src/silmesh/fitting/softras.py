@@ -8,7 +8,7 @@ from torch import Tensor
 from silmesh.cameras.camera import Cameras
 from silmesh.fitting.adam import Adam
 from silmesh.fitting.loop import refuse_not_finite
-from silmesh.fitting.losses import Flatten, Laplacian, iou_loss
+from silmesh.fitting.losses import Objective
 from silmesh.fitting.parametrisation import OctantSigmoid
 from silmesh.settings.fit import SoftRasFit
 from silmesh.softras import soft_silhouettes
@@ -42,7 +42,7 @@ class SoftRas:
         self._adam = Adam(self._shape.parameters(), settings.betas)
         self._cameras, self._silhouettes, self._weights = cameras, silhouettes, weights
         self._settings = settings
-        self._smoothness = Laplacian(faces, len(template)), Flatten(faces)
+        self._objective = Objective(faces, len(template), settings.weights)
         self._steps = 0
         self.faces, self.halvings = faces, 0
 
@@ -60,23 +60,19 @@ class SoftRas:
         """The cameras as they are."""
         return cameras
 
-    def step(self) -> list[float]:
+    def step(self) -> dict[str, float]:
         """A step of Adam."""
         told, verts = self._settings, self._shape()
         size = tuple(self._silhouettes.shape[1:])
         alpha = soft_silhouettes(self._cameras.project(verts), self.faces, size, sigma=told.sigma)
-        terms = [
-            iou_loss(alpha, self._silhouettes, self._weights),
-            *(term(verts) for term in self._smoothness),
-        ]
-        loss = terms[0] + told.weights.laplacian * terms[1] + told.weights.flatten * terms[2]
-        losses = refuse_not_finite(torch.stack([loss, *terms]).tolist())
+        losses = self._objective(verts, alpha, self._silhouettes, self._weights)
+        values = refuse_not_finite(losses.read())
         self._shape.zero_grad()
-        loss.backward()
+        losses.loss.backward()
         self._adam.step(told.learning_rate * 0.5**self.halvings)
         self._steps += 1
         gradients = [parameter.grad for parameter in self._shape.parameters()]
-        return refuse_not_finite(losses, *gradients, *self._shape.parameters())
+        return refuse_not_finite(values, *gradients, *self._shape.parameters())
 
     def state(self) -> dict:
         """A copy of all that changes."""

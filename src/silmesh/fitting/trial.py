@@ -27,6 +27,6 @@ def trial_with(
         fit = SoftRas(*to_tensors(mesh), cameras, target, settings)
         with suppress(NotFinite):
             while True:  # for as long as it is asked
-                yield fit.step()[0]
+                yield fit.step()["loss"]
 
     return trial

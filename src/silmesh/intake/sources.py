@@ -15,7 +15,6 @@ LOOKED_AT = 8  # photographs, spread over all
 SMALL = 256  # longer side of what is looked at, in pixels
 PLAIN = 8.0  # grey levels a plain background strays by at most; a cluttered one by 20 and more
 STILL = 4.0  # grey levels by which the border changes while the camera stands still
-COHERENT = 0.95  # hull IoU from which a turntable is believed
 
 
 @dataclass(frozen=True)

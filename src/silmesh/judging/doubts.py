@@ -13,7 +13,8 @@ import numpy as np
 from scipy import ndimage
 
 from silmesh.cameras.camera import Cameras
-from silmesh.judging.votes import ROUND, count_denials, on_frame, whole_frames
+from silmesh.geometry.frame import count_on_frame, whole_frames
+from silmesh.judging.votes import ROUND, count_denials
 
 FINE = 64  # rays along an image's side: enough to judge, not to draw
 # In each round, one view of so many may be wrong at a point. Much at first, when wrong silhouettes
@@ -167,7 +168,7 @@ def describe(silhouette: np.ndarray, frame: np.ndarray) -> dict[str, float]:
         "area": len(rows) / (height * width),
         "centroid_u": float(columns.mean() + 0.5) if len(rows) else np.nan,
         "centroid_v": float(rows.mean() + 0.5) if len(rows) else np.nan,
-        "on_frame": on_frame(silhouette, frame),
+        "on_frame": count_on_frame(silhouette, frame),
         "pieces": pieces,
         "holes": grounds - 1,
     }

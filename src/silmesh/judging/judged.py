@@ -8,11 +8,11 @@ import numpy as np
 
 from silmesh.cameras.camera import Cameras, Similarity
 from silmesh.evaluation import coherence
+from silmesh.geometry.frame import count_on_frame
 from silmesh.hull import carve
 from silmesh.judging.colours import Figures, compare_all, contradict
 from silmesh.judging.policy import DROPPED, KEPT, REPAIRED, WEIGHTS, Decision, decide
 from silmesh.judging.repair import repair
-from silmesh.judging.votes import on_frame
 from silmesh.progress import Share, untold
 from silmesh.scene import Scene, normalising
 
@@ -45,7 +45,7 @@ class Judged:
             if doubt:
                 said.append(f"view {view!r} is {fate}: {doubt}")
         for i in self.decision.fitted:
-            if pixels := on_frame(self.decision.silhouettes[i], self.frames[i]):
+            if pixels := count_on_frame(self.decision.silhouettes[i], self.frames[i]):
                 said.append(
                     f"view {self.views[i]!r}: the object leaves the photograph ({pixels} pixels on "
                     "its edge); what is beyond only other views show"

@@ -17,6 +17,7 @@ from numba import njit, prange
 from scipy.ndimage import binary_dilation
 
 from silmesh.cameras.camera import OBJECT_RADIUS, Cameras
+from silmesh.geometry.frame import is_cut, whole_frames
 
 GRACE = 1  # pixels outside a silhouette in which it denies nothing
 REACH = 1.2 * OBJECT_RADIUS  # of the sphere in which points are looked for
@@ -50,7 +51,7 @@ def count_denials(
     """
     frames = whole_frames(silhouettes) if frames is None else frames
     denied = ~binary_dilation(silhouettes, ROUND[None], iterations=GRACE)
-    cut = np.array([on_frame(s, f) > 0 for s, f in zip(silhouettes, frames, strict=True)])
+    cut = is_cut(silhouettes, frames)
     for i in np.flatnonzero(cut):
         left, top, right, bottom = frames[i]
         denied[i, :top] = denied[i, bottom:] = denied[i, :, :left] = denied[i, :, right:] = False
@@ -64,23 +65,6 @@ def count_denials(
         eye = cameras.centres[i].numpy()
         maps.append(_count(denied, cut, P, others, ray, eye, step, REACH, most, stride))
     return np.stack(maps)
-
-
-def whole_frames(silhouettes: np.ndarray) -> np.ndarray:
-    """The frames of photographs that fill their images [views, height, width]: [views, 4]."""
-    count, height, width = silhouettes.shape
-    return np.tile([0, 0, width, height], (count, 1))
-
-
-def on_frame(silhouette: np.ndarray, frame: np.ndarray) -> int:
-    """Pixels of a silhouette, [height, width] bool, on the edge of its photograph.
-
-    Args:
-        frame: left, top, right and bottom of the photograph within the image
-    """
-    left, top, right, bottom = frame
-    inside = silhouette[top:bottom, left:right]
-    return int(inside.sum() - inside[1:-1, 1:-1].sum())
 
 
 @njit(parallel=True, cache=True, error_model="numpy")

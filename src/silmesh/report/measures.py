@@ -5,8 +5,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from silmesh.thresholds import COHERENT
+
 LACKING = "–"
-COHERENT = 0.9  # below this hull IoU, cameras and silhouettes contradict each other
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,6 @@ from silmesh.report.budget import choose_views
 from silmesh.report.curves import describe_curve, table_of
 from silmesh.report.gallery import encode_webp
 from silmesh.report.measures import (
-    COHERENT,
     LACKING,
     METRICS,
     OVERVIEW,
@@ -36,6 +35,7 @@ from silmesh.report.packing import encode_glb, pack, pack_json
 from silmesh.report.parts import LIBRARIES, SCRIPTS, STYLES, TEMPLATE
 from silmesh.report.pictures import crop_thumbnail
 from silmesh.report.tables import Run, objects_of
+from silmesh.thresholds import COHERENT
 
 PACKAGES = ("silmesh", "torch", "numba", "numpy", "scikit-image", "trimesh", "snakemake")
 THUMBNAIL = 132  # pixels

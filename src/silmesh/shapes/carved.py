@@ -14,16 +14,17 @@ from scipy.sparse.csgraph import connected_components
 
 from silmesh.cameras.camera import OBJECT_RADIUS, Cameras
 from silmesh.errors import InputError
+from silmesh.geometry.overlap import mean_iou
 from silmesh.hull import Hull, carve, find_doubtful
 from silmesh.shapes.ellipsoid import find_ellipsoid
 from silmesh.shapes.even import even_mesh
-from silmesh.shapes.looks import look_smaller, mean_iou, render
+from silmesh.shapes.looks import look_smaller, render
+from silmesh.thresholds import COHERENT
 
 RESOLUTION = 128  # samples a side
 FINER = 3  # times as many vertices as are wanted has the surface that is remeshed, if it can
 FINE = 3000  # vertices that it has at least: in a coarser one small parts are not round
 ALIKE = 0.01  # of the volume: a coarser surface that is off by no more may stand for the finest
-COHERENT = 0.9  # a hull with this IoU needs no disagreeing views
 TOLERATED = (0, 1, 2, 4, 8)  # how many disagreeing views are tried
 MOST_TOLERATED = 1 / 6  # of all views
 SIZE, VIEWS, SAMPLES = 96, 18, 48  # of the looks in which that is tried
@@ -45,14 +46,12 @@ class Carved:
         tolerated: how many views were let disagree
         pieces: how many it came in, of which the largest is kept
         lost: the others' share of the volume
-        genus: tunnels through the mesh
     """
 
     mesh: trimesh.Trimesh
     tolerated: int
     pieces: int
     lost: float
-    genus: int
 
 
 def hull_mesh(silhouettes: np.ndarray, cameras: Cameras, vertices: int, genus: str) -> Carved:
@@ -183,8 +182,7 @@ def draw(hull: Hull, vertices: int, genus: str) -> Carved:
         if alike and same and len(coarser.vertices) > max(FINE, FINER * vertices):
             surface = coarser
             break
-    mesh = even_mesh(surface, vertices)
-    return Carved(mesh, 0, pieces, lost, 1 - mesh.euler_number // 2)
+    return Carved(even_mesh(surface, vertices), 0, pieces, lost)
 
 
 def _largest(hull: Hull) -> tuple[trimesh.Trimesh, int, float]:

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from silmesh.cameras.camera import OBJECT_RADIUS, Cameras
-from silmesh.hull import is_cut
+from silmesh.geometry.frame import is_cut
 
 PRIOR = 0.02  # weight that holds a length which no view shows at the others' mean
 TOLERANCE = 0.1  # of a mean half-length: residuals far above are of silhouettes that disagree

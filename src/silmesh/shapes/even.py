@@ -8,6 +8,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
+from silmesh.geometry.edges import number_edges
 from silmesh.remesh import even_length, flip_edges, relax, remesh, split_long
 
 PASSES = 3  # of the remesher at first
@@ -49,7 +50,7 @@ def even_mesh(surface: trimesh.Trimesh, vertices: int) -> trimesh.Trimesh:
 def _split_longest(
     verts: np.ndarray, faces: np.ndarray, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    edges = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+    edges, _ = number_edges(faces)
     lengths = np.linalg.norm(verts[edges[:, 0]] - verts[edges[:, 1]], axis=1)
     count = min(count, len(edges) - 1)
     return split_long(verts, faces, np.partition(lengths, -count - 1)[-count - 1])

@@ -9,7 +9,7 @@ import trimesh
 
 from silmesh.cameras.camera import FIRST_SCALE, Cameras
 from silmesh.errors import InputError, name_some
-from silmesh.hull import is_cut
+from silmesh.geometry.frame import is_cut
 from silmesh.own_code import call
 from silmesh.progress import Share, untold
 from silmesh.settings.init import Init

@@ -59,10 +59,3 @@ def render(mesh: trimesh.Trimesh, cameras: Cameras, size: tuple[int, int]) -> np
     faces = torch.tensor(np.asarray(mesh.faces), dtype=torch.int64)
     with torch.no_grad():
         return (soft_silhouettes(cameras.project(verts), faces, size, SHARP) > 0.5).numpy()
-
-
-def mean_iou(rendered: np.ndarray, silhouettes: np.ndarray) -> float:
-    """IoU with the silhouettes [views, height, width], averaged over the views."""
-    both = (rendered & silhouettes).sum(axis=(1, 2))
-    either = (rendered | silhouettes).sum(axis=(1, 2))
-    return float((both / np.maximum(either, 1)).mean())

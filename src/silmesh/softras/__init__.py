@@ -2,8 +2,7 @@
 
 ``soft_silhouettes`` is the entry for fitting. Its equations are in ``silmesh.softras.reference``,
 plain torch for any device and dtype; ``silmesh.softras.cpu`` holds the fast kernel for float32 on
-the CPU, tested against it. ``silmesh.softras.colours`` makes pictures; it is not
-imported here, so that an edit of it runs no fit again.
+the CPU, tested against it.
 """
 
 import math

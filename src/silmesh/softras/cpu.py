@@ -365,8 +365,6 @@ def _fill_product(points, faces, band, scale, product):
         band: its first row in the image, its height and its width
         scale: from pixels to lengths whose square is z
         product: float32, flat, of ``_count_padded`` pixels, written
-    Returns:
-        which cells are live
     """
     _, height, width = band
     stride = width + COLUMNS

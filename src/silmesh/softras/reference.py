@@ -30,7 +30,7 @@ of a bin take away is summed in no fixed order, unless torch is told to be deter
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import torch
 from torch import Tensor
@@ -42,7 +42,6 @@ THIN = 2e-3
 TIE = 1 - 2**-15
 BIN = 8  # pixels
 PAIRS = 2**14
-TILE = 32  # pixels, of a picture that is computed tile by tile
 
 
 def soft_silhouettes(points: Tensor, faces: Tensor, size: tuple[int, int], sigma: float) -> Tensor:
@@ -105,34 +104,6 @@ def _absorb(triangles: Tensor, face: Tensor, bin_: Tensor, half: float, sigma: f
     distance2, inside = measure(pixels, triangles[face], sigma)
     x = torch.where(inside, distance2, -distance2) / sigma
     return torch.where(x >= -CUTOFF, softplus(x), 0).T
-
-
-def render_tiles(render: Callable[[Tensor], Tensor], size: tuple[int, int], like: Tensor) -> Tensor:
-    """Put an image together from its tiles.
-
-    Args:
-        render: from the pixel centres [rows, columns, 2] of a tile, in half-image units, to
-            [..., rows, columns]
-        size: height and width
-        like: gives dtype and device of the pixels
-    Returns:
-        [..., height, width]
-    """
-    height, width = size
-    ys = (torch.arange(height, dtype=like.dtype, device=like.device) + 0.5) / (max(size) / 2)
-    xs = (torch.arange(width, dtype=like.dtype, device=like.device) + 0.5) / (max(size) / 2)
-    bands = []
-    for y in ys.split(TILE):
-        grids = (torch.meshgrid(x, y, indexing="xy") for x in xs.split(TILE))
-        bands.append(torch.cat([render(torch.stack(grid, dim=-1)) for grid in grids], dim=-1))
-    return torch.cat(bands, dim=-2)
-
-
-def reach(triangles: Tensor, pixels: Tensor, radius: float) -> Tensor:
-    """Which triangles may come within a radius of a tile: bool [faces]."""
-    margin = radius * 1.001
-    low, high = triangles.amin(dim=1) - margin, triangles.amax(dim=1) + margin  # [faces, 2]
-    return ((low <= pixels[-1, -1]) & (high >= pixels[0, 0])).all(dim=1)
 
 
 def measure(pixels: Tensor, triangles: Tensor, sigma: float) -> tuple[Tensor, Tensor]:

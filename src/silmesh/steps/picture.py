@@ -7,10 +7,10 @@ from pathlib import Path
 from silmesh.cameras.camera import read_cameras
 from silmesh.files import replacing
 from silmesh.meshes import read_mesh, to_linear
+from silmesh.report.animation import draw_turn, write_gif, write_mp4
 from silmesh.report.exhibit import describe_exhibit
 from silmesh.report.pictures import draw_picture, quarter_turn
 from silmesh.report.rings import look_ahead
-from silmesh.report.turntable import draw_turn, write_gif, write_mp4
 from silmesh.scene import SILHOUETTES, VIEWS, read_scene
 from silmesh.settings.fit import Fit
 from silmesh.silhouettes import read_silhouettes

@@ -7,6 +7,7 @@ import PIL.Image  # noqa: F401, before pycolmap
 import pycolmap
 import pytest
 import torch
+from scenes import behind_lenses
 from scipy.spatial.transform import Rotation
 from shots import HEIGHT, NAMES, POINTS, WIDTH, assert_seen, by_definition, cameras, views
 
@@ -250,8 +251,9 @@ def test_a_lens_of_a_binary_model_is_named(made, tmp_path):
 
 def test_the_format_is_colmaps(tmp_path):
     """What we write is read by COLMAP and by us, with a lens that has one focal length no more."""
-    given = cameras().with_lenses(
-        [None, Lens("RADIAL", (0.1, -0.02)), Lens("FOV", (0.5,)), Lens("RADIAL_FISHEYE", (0.1, 0))]
+    given = behind_lenses(
+        cameras(),
+        [None, Lens("RADIAL", (0.1, -0.02)), Lens("FOV", (0.5,)), Lens("RADIAL_FISHEYE", (0.1, 0))],
     )
     write_cameras(tmp_path / "cameras.json", given)
     arguments = ["--cameras", tmp_path / "cameras.json", "--format", "colmap", "--output"]
@@ -269,7 +271,9 @@ def test_the_format_is_colmaps(tmp_path):
 
 
 def test_our_own_file_keeps_the_lens(tmp_path):
-    given = cameras().with_lenses([None, Lens("RADIAL", (0.1, -0.02)), None, Lens("FISHEYE", ())])
+    given = behind_lenses(
+        cameras(), [None, Lens("RADIAL", (0.1, -0.02)), None, Lens("FISHEYE", ())]
+    )
     write_cameras(tmp_path / "cameras.json", given)
     assert read_cameras(tmp_path / "cameras.json").lenses == given.lenses
     text = (tmp_path / "cameras.json").read_text()
@@ -279,7 +283,7 @@ def test_our_own_file_keeps_the_lens(tmp_path):
 
 
 def test_a_lens_that_colmap_has_not(tmp_path):
-    given = cameras().with_lenses([Lens("BROWN", (0.1, 0, 0, 0.1, 0, 0))] * 4)
+    given = behind_lenses(cameras(), [Lens("BROWN", (0.1, 0, 0, 0.1, 0, 0))] * 4)
     with pytest.raises(InputError, match="view 'shot_1': COLMAP has no lens BROWN"):
         colmap.write(tmp_path / "model", given, {view: view for view in given.views})
     assert not (tmp_path / "model").exists()

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from scenes import behind_lenses
 from shots import HEIGHT, NAMES, POINTS, WIDTH, assert_seen, by_definition, cameras, views
 
 from silmesh.cameras.camera import write_cameras
@@ -119,7 +120,7 @@ def test_a_wrong_file_is_named(tmp_path, shared, frame, message):
 
 
 def test_what_we_write_is_read(tmp_path):
-    given = GIVEN.with_lenses([Lens("RADIAL", (0.1, -0.02)), None, None, None])
+    given = behind_lenses(GIVEN, [Lens("RADIAL", (0.1, -0.02)), None, None, None])
     write_cameras(tmp_path / "cameras.json", given)
     export_cameras.main(
         [
@@ -139,7 +140,7 @@ def test_what_we_write_is_read(tmp_path):
 
 
 def test_a_lens_without_words_for_it(tmp_path):
-    write_cameras(tmp_path / "c.json", GIVEN.with_lenses([Lens("FOV", (0.5,))] * 4))
+    write_cameras(tmp_path / "c.json", behind_lenses(GIVEN, [Lens("FOV", (0.5,))] * 4))
     argv = ["--cameras", str(tmp_path / "c.json"), "--format", "transforms"]
     with pytest.raises(InputError, match="view 'shot_1': a lens FOV cannot be written"):
         export_cameras.main([*argv, "--output", str(tmp_path / "transforms.json")])

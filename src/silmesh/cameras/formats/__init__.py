@@ -1,7 +1,7 @@
 """Cameras from files: one module a format, their list, and the cameras in the order of the views.
 
 A reader gives the cameras as the file lists them, in our convention (``silmesh.cameras.camera``),
-each by the name of its image; ``matching`` finds the view of each.
+each by the name of its image; ``assignment`` finds the view of each.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -29,7 +29,7 @@ from silmesh.cameras.formats import (
     realitycapture,
     texts,
 )
-from silmesh.cameras.formats.matching import Rules, choose_world, match
+from silmesh.cameras.formats.assignment import Rules, choose_world, match
 from silmesh.cameras.locate import Located, locate
 from silmesh.cameras.turntable import softras_cameras
 from silmesh.cameras.unread import recognise_json

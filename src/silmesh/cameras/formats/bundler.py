@@ -21,7 +21,7 @@ from pathlib import Path
 import numpy as np
 
 from silmesh.cameras.camera import OPENGL, Cameras
-from silmesh.cameras.formats.matching import Sizes
+from silmesh.cameras.formats.assignment import Sizes
 from silmesh.cameras.formats.parts import (
     UNSAID,
     Camera,

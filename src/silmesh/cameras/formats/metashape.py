@@ -30,7 +30,7 @@ from xml.parsers import expat
 import numpy as np
 
 from silmesh.cameras.camera import WIDEST, Cameras
-from silmesh.cameras.formats.matching import Sizes, is_scaled
+from silmesh.cameras.formats.assignment import Sizes, is_scaled
 from silmesh.cameras.formats.parts import Camera, gather, intrinsics, nearest_rotation, numbers
 from silmesh.cameras.lens import Lens, lens_of
 from silmesh.cameras.unread import recognise_root

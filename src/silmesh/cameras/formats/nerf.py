@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from silmesh.cameras.camera import OPENGL, Cameras, refuse_many
-from silmesh.cameras.formats.matching import Sizes, is_scaled
+from silmesh.cameras.formats.assignment import Sizes, is_scaled
 from silmesh.cameras.formats.parts import (
     UNSAID,
     Camera,

@@ -21,7 +21,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from silmesh.cameras.camera import OPENGL, Cameras
-from silmesh.cameras.formats.matching import Sizes
+from silmesh.cameras.formats.assignment import Sizes
 from silmesh.cameras.formats.parts import UNSAID, Camera, gather, intrinsics, numbers, read_lines
 from silmesh.cameras.lens import Lens, lens_of
 from silmesh.errors import InputError, blaming

@@ -6,6 +6,8 @@ from numba import njit
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from silmesh.geometry.edges import number_edges
+
 
 def measure_quality(mesh: trimesh.Trimesh) -> dict[str, bool | int | float | None]:
     """Measure a mesh of which each triangle's corners are vertices shared with its neighbours.
@@ -21,7 +23,8 @@ def measure_quality(mesh: trimesh.Trimesh) -> dict[str, bool | int | float | Non
         triangle the smallest, of these the first percentile
     """
     verts, faces = np.asarray(mesh.vertices, float), np.asarray(mesh.faces)
-    edges, uses = np.unique(np.sort(_sides(faces), axis=1), axis=0, return_counts=True)
+    edges, of_face = number_edges(faces)
+    uses = np.bincount(of_face.ravel())
     used = np.unique(faces)
     components = _count_groups(np.searchsorted(used, edges), len(used))
     watertight = bool(mesh.is_watertight and mesh.is_winding_consistent)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from silmesh.quality import count_intersections, measure_quality
+from silmesh.mesh_quality import count_intersections, measure_quality
 
 
 def joined(*meshes):

@@ -6,8 +6,8 @@ import pytest
 import trimesh
 from PIL import Image
 
+from silmesh.report.animation import SIDE, draw_turn, write_gif, write_mp4
 from silmesh.report.pictures import GROUND
-from silmesh.report.turntable import SIDE, draw_turn, write_gif, write_mp4
 
 UP, AHEAD = np.array([0.0, 1, 0]), np.array([0.0, 0, -1])
 

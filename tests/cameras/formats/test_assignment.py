@@ -11,7 +11,7 @@ from shots import NAMES, SIZE, cameras, views
 
 from silmesh.cameras.camera import write_cameras
 from silmesh.cameras.formats import attempt_from_file
-from silmesh.cameras.formats.matching import is_scaled
+from silmesh.cameras.formats.assignment import is_scaled
 from silmesh.cameras.locate import locate
 from silmesh.errors import InputError
 

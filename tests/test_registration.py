@@ -5,8 +5,8 @@ import pytest
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from silmesh.alignment import align
-from silmesh.comparison import compare_to_truth
+from silmesh.ground_truth import compare_to_truth
+from silmesh.registration import align
 
 
 def teapot():
