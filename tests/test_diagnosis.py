@@ -7,9 +7,9 @@ import pytest
 from PIL import Image
 from test_series import ROUND, turn
 
-from silmesh.diagnosis import describe_masks, diagnose, diagnose_folders
+from silmesh.diagnosis import describe_masks, diagnose
 from silmesh.geometry.frame import is_cut
-from silmesh.silhouettes import write_silhouettes
+from silmesh.silhouettes import read_silhouettes, write_silhouettes
 from silmesh.views import place_view, write_views
 
 SIZE = 48
@@ -118,7 +118,8 @@ def test_of_a_coherent_scene_only_a_frame_that_cuts_many(tmp_path):
     files = sorted(tmp_path.glob("*.png"))
     shown = write_views(files, SIZE, "pad", tmp_path / "views")
     write_silhouettes("mask", shown, tmp_path / "views", files, tmp_path / "seen")
-    (said,) = diagnose_folders(tmp_path / "views", tmp_path / "seen", coherent=True)
+    seen = read_silhouettes(tmp_path / "seen", [view.view for view in shown])
+    (said,) = diagnose(seen, shown, coherent=True)
     assert said.startswith("the frame cuts the object in 3 of 8 photographs (0, 1, 2): leave")
 
 

@@ -15,7 +15,7 @@ import pytest
 
 from silmesh.provenance import SOURCE
 
-BASE = {"errors", "files", "naming", "progress", "reading", "settings", "thresholds"}
+BASE = {"errors", "files", "naming", "own_code", "progress", "reading", "settings", "thresholds"}
 GROUND = {
     *("cameras.camera", "cameras.lens", "geometry", "softras", "hull", "remesh", "straighten"),
     "series",
@@ -29,7 +29,8 @@ ON = {  # what a module of it stands on
 STAGES = {
     *("views", "silhouettes", "cameras", "scene", "shapes", "fitting", "evaluation", "report"),
     *("training", "synthetic", "meshes", "progress", "colouring", "mesh_quality", "registration"),
-    *("agreement", "ground_truth", "conventions", "diagnosis", "judging"),
+    *("agreement", "assemble", "ground_truth", "conventions", "diagnosis", "judging", "metrics"),
+    *("motion", "intake"),
 }
 PLANNING = {
     *("config", "manual", "datasets", "feasible", "places", "plan", "provenance", "lock", "warm"),
@@ -45,6 +46,21 @@ BESIDES = {
     "silhouettes": {"views"},
     "cameras": {"views"},
     "synthetic": {"cameras.turntable"},
+    "scene": {"silhouettes", "views"},
+    "judging": {"evaluation", "scene"},
+    "intake": {"views", "cameras.locate", "feasible", "silhouettes.threshold"},
+    "assemble": {"views", "cameras.attempt", "scene", "agreement", "conventions", "diagnosis"},
+    "fitting": {"meshes", "scene", "views"},
+    "metrics": {
+        "evaluation",
+        "meshes",
+        "mesh_quality",
+        "scene",
+        "views",
+        "registration",
+        "ground_truth",
+    },
+    "motion": {"views", "cameras", "agreement"},
     "agreement": {"cameras.attempt", "scene", "evaluation"},
     "conventions": {"cameras.attempt", "scene", "agreement"},
     "diagnosis": {"views", "silhouettes"},
@@ -88,7 +104,8 @@ def modules_of(parts: set[str], without: set[str] = frozenset()) -> list[str]:
 
 def test_every_module_has_its_floor():
     assert (
-        modules_of(set(IMPORTS) - {""}, BASE | GROUND | STAGES | PLANNING | {"steps", "cli"}) == []
+        modules_of(set(IMPORTS) - {""}, BASE | GROUND | STAGES | PLANNING | {"steps", "cli", "api"})
+        == []
     )
 
 
@@ -112,6 +129,16 @@ def test_what_the_snakefile_reads_imports_no_step(name):
 @pytest.mark.parametrize("name", modules_of({"cli"}))
 def test_the_command_imports_no_step(name):
     assert strays(name, BASE | STAGES | PLANNING | {"cli"}) == []
+
+
+def test_the_python_api_imports_no_step_and_no_command():
+    assert strays("api", BASE | STAGES | PLANNING) == []
+
+
+def test_nothing_imports_the_python_api():
+    """It would make all of the package a part of every step's code."""
+    targets = set().union(*IMPORTS.values())
+    assert not [target for target in targets if within(target, {"silmesh.api"})]
 
 
 def test_nothing_imports_snakemake():

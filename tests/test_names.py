@@ -1,8 +1,8 @@
 """Names that the configuration lists, since it imports nothing heavy, and what answers to them."""
 
-from typing import get_args, get_type_hints
+from typing import get_args
 
-from silmesh.settings.init import Init
+from silmesh.settings.init import Shape
 from silmesh.settings.silhouettes import FOREGROUND_MODELS, SilhouetteSource
 from silmesh.shapes.first import SHAPES
 from silmesh.silhouettes import NETWORKS, SOURCES, weights
@@ -18,7 +18,7 @@ def test_every_foreground_model_that_can_be_configured_can_be_fetched():
 
 
 def test_every_first_mesh_can_be_configured():
-    assert set(get_args(get_type_hints(Init)["shape"])) == set(SHAPES)
+    assert set(get_args(Shape)) == set(SHAPES)
 
 
 def test_every_made_up_object_is_promised():

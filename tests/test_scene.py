@@ -8,8 +8,8 @@ from silmesh.errors import InputError
 from silmesh.evaluation import coherence
 from silmesh.hull import carve
 from silmesh.scene import (
-    SILHOUETTES,
-    VIEWS,
+    Scene,
+    load_scene,
     normalising,
     read_scene,
     refuse_camera_inside,
@@ -90,11 +90,14 @@ def test_a_scene_is_read_as_it_was_written(tmp_path):
     similarity = Similarity(torch.tensor([1.0, 2, 3], dtype=torch.float64), 0.25)
     for view in cameras.views:
         save(tmp_path / f"{view}.png", np.zeros((4, 4), np.uint8))
-    pictures = {VIEWS: tmp_path, SILHOUETTES: tmp_path}
     agreement = np.array([0.5, 0.75, 1.0])
+    seen = np.random.default_rng(0).random((3, 4, 4)) > 0.5
     straight = straighten(cameras, np.ones((3, 4, 4), bool))
-    told = {"cameras": "file"}
-    write_scene(tmp_path / "scene", cameras, similarity, agreement, pictures, told, straight)
+    made = Scene(cameras, similarity, seen, agreement, {"cameras": "file"})
+    write_scene(tmp_path / "scene", made, tmp_path, straight)
+    loaded = load_scene(tmp_path / "scene")
+    assert (loaded.silhouettes == seen).all()
+    assert loaded.describe() == made.describe()
     read, transform, scene = read_scene(tmp_path / "scene")
     torch.testing.assert_close(read.t, cameras.t)
     assert (transform.centre.tolist(), transform.scale) == ([1, 2, 3], 0.25)

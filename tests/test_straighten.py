@@ -6,10 +6,12 @@ import torch
 from PIL import Image
 from scenes import behind_lenses, save, silhouettes, turntable
 
+from silmesh.cameras.camera import Similarity
 from silmesh.cameras.lens import Lens
 from silmesh.errors import InputError
 from silmesh.evaluation import coherence
 from silmesh.hull import carve
+from silmesh.scene import SILHOUETTES, Scene, write_scene
 from silmesh.silhouettes import encode
 from silmesh.straighten import straighten
 
@@ -90,23 +92,23 @@ def test_files_are_what_is_measured(tmp_path):
     cameras = turntable(COUNT, SIZE)
     bent = photographed(cameras, BARREL)
     straightened = straighten(with_lens(cameras, BARREL), bent)
-    encode(bent[1]).save(tmp_path / "old.png")
-    straightened.write_silhouette("v1", tmp_path / "old.png", tmp_path / "new.png")
-    new = np.asarray(Image.open(tmp_path / "new.png"))
-    expected = straightened.silhouettes(bent)[1]
-    assert (new == np.asarray(encode(expected))).all()
+    for view, seen in zip(cameras.views, bent, strict=True):
+        encode(seen).save(tmp_path / f"{view}.png")
+    expected = straightened.silhouettes(bent)
+    world = straightened.cameras, Similarity.identity(), expected, np.ones(COUNT)
+    write_scene(tmp_path / "scene", Scene(*world, {}), tmp_path, straightened)
+    new = np.asarray(Image.open(tmp_path / "scene" / SILHOUETTES / "v1.png"))
+    assert (new == np.asarray(encode(expected[1]))).all()
 
 
-def test_a_view_with_an_empty_silhouette_is_straightened_like_the_others(tmp_path):
+def test_a_view_with_an_empty_silhouette_is_straightened_like_the_others():
     cameras = turntable(COUNT, SIZE)
     bent = photographed(cameras, BARREL)
     bent[1] = False
     straightened = straighten(with_lens(cameras, BARREL), bent)
     assert set(straightened.sources) == set(cameras.views)
     assert not straightened.silhouettes(bent)[1].any()
-    encode(bent[1]).save(tmp_path / "old.png")
-    straightened.write_silhouette("v1", tmp_path / "old.png", tmp_path / "new.png")
-    assert not np.asarray(Image.open(tmp_path / "new.png")).any()
+    assert not np.asarray(encode(straightened.silhouettes(bent)[1])).any()
 
 
 def test_cameras_agree_better_with_what_is_straightened():

@@ -173,7 +173,7 @@ def _parse_row(table: Path, line: int, row: Mapping[str, str]) -> Dataset:
             masks=masks,
             silhouettes=_parse_silhouettes(row["silhouettes"]),
             cameras=cameras,
-            turntable=_parse_turntable(row["turntable"]),
+            turntable=parse_turntable(row["turntable"]),
             truth=_find_truth(table, row["truth"]) if row["truth"] else None,
             variants=tuple(dict.fromkeys(re.findall(r"[^,\s]+", row["variants"]))),
             notes=tuple(f"{where}: {note}" for note in notes),
@@ -279,7 +279,12 @@ def resolve_cameras(table: Path, cell: str) -> str:
             raise InputError(f"{path}: cannot be read: {error.strerror}") from error
 
 
-def _parse_turntable(cell: str) -> Turntable:
+def parse_turntable(cell: str) -> Turntable:
+    """What is known of a turntable, ``distance,elevation,step`` in scene units and degrees.
+
+    Raises:
+        InputError: it is written otherwise, or a number is none that a turntable has
+    """
     if not cell:
         return Turntable(None, None, None)
     try:

@@ -25,8 +25,7 @@ from silmesh.series import (
     is_shuffled,
     prepare,
 )
-from silmesh.silhouettes import read_silhouettes
-from silmesh.views import View, open_image, read_views
+from silmesh.views import View, open_image
 
 MEASURED = "measured: "  # begins the line of a finding
 GAPS = 3  # that are said
@@ -39,13 +38,18 @@ PAUSE, MINUTE = 5.0, 60.0  # times the usual pause between two photographs, and 
 EXIF, TAKEN = 0x8769, 36867  # the directory of EXIF in which the time stands
 
 
-def diagnose(silhouettes: np.ndarray, views: Sequence[View]) -> list[str]:
+def diagnose(silhouettes: np.ndarray, views: Sequence[View], coherent: bool = False) -> list[str]:
     """What is found, most telling first: sentences of what was measured and what to do.
 
     Args:
         silhouettes: [views, size, size] bool, in the order in which the views were taken
         views: where the photographs lie in them
+        coherent: cameras agree with them, so that only what they do not show is said: what lies
+            beyond the frame of many photographs
     """
+    if coherent:
+        cut = is_cut(silhouettes, [view.frame for view in views])
+        return describe_cut(silhouettes, views) if cut.sum() >= MANY * len(views) else []
     shown = np.flatnonzero(silhouettes.any(axis=(1, 2)))
     seen, named = silhouettes[shown], [views[i] for i in shown]
     shapes = _describe_shapes(views)
@@ -57,21 +61,6 @@ def diagnose(silhouettes: np.ndarray, views: Sequence[View]) -> list[str]:
     if shapes or broken:  # the outlines' order shows nothing where these are not the object's
         return found
     return found + _describe_order(seen, named)
-
-
-def diagnose_folders(views: Path, silhouettes: Path, coherent: bool = False) -> list[str]:
-    """``diagnose`` what lies in the folders of a stage's working images and silhouettes.
-
-    Args:
-        coherent: cameras agree with them, so that only what they do not show is said: what lies
-            beyond the frame of many photographs
-    """
-    seen = read_views(views)
-    found = read_silhouettes(silhouettes, [view.view for view in seen])
-    if not coherent:
-        return diagnose(found, seen)
-    cut = is_cut(found, [view.frame for view in seen])
-    return describe_cut(found, seen) if cut.sum() >= MANY * len(seen) else []
 
 
 def _describe_shapes(views: Sequence[View]) -> list[str]:

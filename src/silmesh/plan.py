@@ -35,8 +35,9 @@ from silmesh.feasible import (
     refuse_other_weights,
     refuse_unknown_weights,
 )
+from silmesh.own_code import refuse_lacking
 from silmesh.report.published import check_published
-from silmesh.settings.section import NAME, Section
+from silmesh.settings.section import NAME, Section, own_file
 from silmesh.settings.silhouettes import FOREGROUND_MODELS, Networks, weights_file
 from silmesh.settings.train import NEW, TRAINED
 
@@ -167,6 +168,11 @@ class Run:
     def first_key(self) -> str:
         """Names the first mesh."""
         return f"{self.judged_key}-{self.settings.init.key}"
+
+    @property
+    def init_file(self) -> Path | None:
+        """The file of a person's own code that makes the first mesh, if it does."""
+        return own_file(self.settings.init.shape)
 
     @property
     def policy(self) -> str:
@@ -392,6 +398,8 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
             cameras = resolve_cameras(config.datasets, variant.cameras)
         except InputError as error:
             raise InputError(f"{where}: variants.{name}.{error}") from error
+    if own_file(variant.init.shape):
+        refuse_lacking(f"{where}: variants.{name}.init.shape", variant.init.shape)
     silhouettes = variant.silhouettes or dataset.silhouettes
     if silhouettes == "deeplab":
         deeplab, promised = variant.deeplab, config.train is not None

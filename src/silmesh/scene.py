@@ -8,11 +8,13 @@ lenses matter.
 
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
+from PIL import Image
 from torch import Tensor
 
 from silmesh.cameras.camera import (
@@ -24,9 +26,45 @@ from silmesh.cameras.camera import (
 )
 from silmesh.errors import InputError, name_some
 from silmesh.files import making
+from silmesh.silhouettes import encode, read_silhouettes
 from silmesh.straighten import Straightened
+from silmesh.views import ImageFolder
 
 VIEWS, SILHOUETTES = "views", "silhouettes"  # folders of a scene
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The views that are fitted, in the normalised world.
+
+    Attributes:
+        cameras: of these views, in that world, without lenses
+        similarity: from the input's own world to it
+        silhouettes: [views, height, width] bool, undistorted
+        coherence: [views], the visual hull's IoU with each silhouette
+        told: what else ``scene.json`` says
+        images: the working images, undistorted
+    """
+
+    cameras: Cameras
+    similarity: Similarity
+    silhouettes: np.ndarray
+    coherence: np.ndarray
+    told: Mapping[str, Any]
+    images: Mapping[str, Image.Image] = field(default_factory=dict)
+
+    def describe(self) -> dict[str, Any]:
+        """All that ``scene.json`` says."""
+        return {
+            **self.told,
+            "centre": self.similarity.centre.tolist(),
+            "scale": self.similarity.scale,
+            "hull_iou_mean": float(self.coherence.mean()),
+            "hull_iou": dict(zip(self.cameras.views, self.coherence.tolist(), strict=True)),
+        }
+
+
+MEASURED = ("centre", "scale", "hull_iou_mean", "hull_iou")  # of scene.json, beside what is told
 
 
 def normalising(cameras: Cameras, silhouettes: np.ndarray) -> Similarity:
@@ -101,42 +139,35 @@ def refuse_camera_inside(cameras: Cameras) -> None:
 
 
 def write_scene(
-    folder: Path,
-    cameras: Cameras,
-    similarity: Similarity,
-    coherence: np.ndarray,
-    pictures: Mapping[str, Path],
-    told: Mapping[str, Any],
-    straightened: Straightened | None = None,
+    folder: Path, scene: Scene, images: Path, straightened: Straightened | None = None
 ) -> None:
     """Write a scene.
 
     Args:
-        cameras: in the normalised world
-        similarity: from the input's own world to that one
-        coherence: [views]
-        pictures: the folders of the working images, ``views``, and of the ``silhouettes``
-        told: what else ``scene.json`` says, also of an undistortion that was before
-        straightened: how the pictures become those of the cameras, if any had a lens
+        images: the folder of the working images, ``<view>.png``
+        straightened: how these become the images of the cameras, if any had a lens
     """
-    straightened = straightened or Straightened(cameras, {}, 0.0)
-    scene = {
-        "undistorted": len(straightened.sources),
-        "displacement": straightened.displacement,
-        **told,
-        "centre": similarity.centre.tolist(),
-        "scale": similarity.scale,
-        "hull_iou_mean": float(coherence.mean()),
-        "hull_iou": dict(zip(cameras.views, coherence.tolist(), strict=True)),
-    }
+    straightened = straightened or Straightened(scene.cameras, {}, 0.0)
     with making(folder) as part:
-        write_cameras(part / "cameras.json", cameras)
-        write = {VIEWS: straightened.write_image, SILHOUETTES: straightened.write_silhouette}
-        for name, source in pictures.items():
+        write_cameras(part / "cameras.json", scene.cameras)
+        for name in (VIEWS, SILHOUETTES):
             (part / name).mkdir()
-            for view in cameras.views:
-                write[name](view, source / f"{view}.png", part / name / f"{view}.png")
-        (part / "scene.json").write_text(json.dumps(scene, indent=1) + "\n", encoding="utf-8")
+        for view, silhouette in zip(scene.cameras.views, scene.silhouettes, strict=True):
+            name = f"{view}.png"
+            straightened.write_image(view, images / name, part / VIEWS / name)
+            encode(silhouette).save(part / SILHOUETTES / name)
+        said = json.dumps(scene.describe(), indent=1)
+        (part / "scene.json").write_text(said + "\n", encoding="utf-8")
+
+
+def load_scene(folder: Path) -> Scene:
+    """The scene that a folder holds."""
+    cameras, similarity, whole = read_scene(folder)
+    coherence = np.array([whole["hull_iou"][view] for view in cameras.views])
+    told = {key: value for key, value in whole.items() if key not in MEASURED}
+    silhouettes = read_silhouettes(folder / SILHOUETTES, cameras.views)
+    images = ImageFolder(folder / VIEWS)
+    return Scene(cameras, similarity, silhouettes, coherence, told, images)
 
 
 def read_scene(folder: Path) -> tuple[Cameras, Similarity, dict]:

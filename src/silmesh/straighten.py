@@ -48,17 +48,14 @@ class Straightened:
             return old
         return _sample(old[..., None] * 1.0, self.sources[view], "bilinear")[..., 0] >= 0.5
 
-    def write_silhouette(self, view: str, old: Path, new: Path) -> None:
-        """Write the file of a view's silhouette, straightened; its alpha says what is inside."""
+    def image(self, view: str, old: Image.Image) -> Image.Image:
+        """A view's working image, straightened."""
         if view not in self.sources:
-            shutil.copyfile(old, new)
-            return
-        with Image.open(old) as image:
-            pixels = np.asarray(image)
-        inside = pixels[..., 3] > 127
-        straight = np.zeros_like(pixels)
-        straight[self._silhouette(view, inside)] = pixels[inside][:1]  # none of an empty one
-        Image.fromarray(straight).save(new)
+            return old
+        pixels = np.asarray(old, np.float64)
+        sampled = _sample(np.atleast_3d(pixels), self.sources[view], "bicubic")
+        rounded = sampled.round().clip(0, 255).astype(np.uint8)
+        return Image.fromarray(rounded.reshape(pixels.shape))
 
     def write_image(self, view: str, old: Path, new: Path) -> None:
         """Write the file of a view's working image, straightened."""
@@ -66,10 +63,7 @@ class Straightened:
             shutil.copyfile(old, new)
             return
         with Image.open(old) as image:
-            pixels = np.asarray(image, np.float64)
-        sampled = _sample(np.atleast_3d(pixels), self.sources[view], "bicubic")
-        rounded = sampled.round().clip(0, 255).astype(np.uint8)
-        Image.fromarray(rounded.reshape(pixels.shape)).save(new)
+            self.image(view, image).save(new)
 
 
 def straighten(cameras: Cameras, silhouettes: np.ndarray) -> Straightened:

@@ -7,7 +7,7 @@ black; ``stretch`` fills the square, as the report does.
 import json
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from functools import cache
@@ -320,27 +320,51 @@ def write_views(
         InputError: too few are
     """
     views: list[View] = []
-    unreadable: dict[str, tuple[str, str]] = {}  # file, and why
     with making(folder) as part:
-        for done, (name, source, image) in enumerate(read_photographs(paths)):
-            progress(done / max(len(paths), done + 1))  # an array is one file of many
-            if isinstance(image, InputError):
-                unreadable[name] = source, str(image)
-                _refuse_too_few([why for _, why in unreadable.values()], len(paths), fewest)
-                continue
-            view = place_view(name, source, *image.size, size, resize)
-            view.place(image, Image.Resampling.LANCZOS).save(part / f"{name}.png")
+        for view, image in make_views(paths, size, resize, fewest, progress):
+            image.save(part / f"{view.view}.png")
             views.append(view)
-        for name, (source, why) in unreadable.items():
-            views.append(replace(views[0], view=name, source=source, unreadable=why))
-            Image.new("RGB", (size, size), (GROUND,) * 3).save(part / f"{name}.png")
-        if unreadable:
-            order = {name: place for place, name in enumerate(name_views(paths))}
-            views.sort(key=lambda view: order[view.view])
+        views = in_order(views, paths)
         rows = [asdict(view) for view in views]
         (part / MANIFEST).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
-    progress(1.0)
     return views
+
+
+def make_views(
+    paths: Sequence[Path],
+    size: int,
+    resize: str,
+    fewest: int | None = None,
+    progress: Share = untold,
+) -> Iterator[tuple[View, Image.Image]]:
+    """The view of each photograph with its working image, RGB or RGBA; one is in memory at a time.
+
+    Those of photographs that cannot be read come last: ``in_order`` gives the views their places.
+    Arguments and errors are those of ``write_views``.
+    """
+    first: View | None = None
+    unreadable: dict[str, tuple[str, str]] = {}  # file, and why
+    for done, (name, source, image) in enumerate(read_photographs(paths)):
+        progress(done / max(len(paths), done + 1))  # an array is one file of many
+        if isinstance(image, InputError):
+            unreadable[name] = source, str(image)
+            _refuse_too_few([why for _, why in unreadable.values()], len(paths), fewest)
+            continue
+        view = place_view(name, source, *image.size, size, resize)
+        first = first or view
+        yield view, view.place(image, Image.Resampling.LANCZOS)
+    for name, (source, why) in unreadable.items():
+        grey = Image.new("RGB", (size, size), (GROUND,) * 3)
+        yield replace(first, view=name, source=source, unreadable=why), grey
+    progress(1.0)
+
+
+def in_order(views: Sequence[View], paths: Sequence[Path]) -> list[View]:
+    """The views of these photographs in the order of the photographs."""
+    if not any(view.unreadable for view in views):  # an array has its views in order
+        return list(views)
+    order = {name: place for place, name in enumerate(name_views(paths))}
+    return sorted(views, key=lambda view: order[view.view])
 
 
 def _refuse_too_few(unreadable: Sequence[str], photographs: int, fewest: int | None) -> None:
@@ -361,13 +385,27 @@ def read_views(folder: Path) -> list[View]:
     return [View(**row) for row in json.loads((folder / MANIFEST).read_text(encoding="utf-8"))]
 
 
-def read_pictures(folder: Path, views: Sequence[str]) -> np.ndarray:
+class ImageFolder(Mapping[str, Image.Image]):
+    """The working images of a folder by their views, each read when it is asked for."""
+
+    def __init__(self, folder: Path):
+        self._folder = folder
+
+    def __getitem__(self, view: str) -> Image.Image:
+        with Image.open(self._folder / f"{view}.png") as image:
+            image.load()
+            return image
+
+    def __iter__(self) -> Iterator[str]:
+        return (file.stem for file in sorted(self._folder.glob("*.png")))
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+
+def stack_pictures(images: Mapping[str, Image.Image], views: Sequence[str]) -> np.ndarray:
     """The working images of these views: [views, height, width, 3] uint8, sRGB."""
-    pictures = []
-    for view in views:
-        with Image.open(folder / f"{view}.png") as image:
-            pictures.append(np.asarray(image.convert("RGB")))
-    return np.stack(pictures)
+    return np.stack([np.asarray(images[view].convert("RGB")) for view in views])
 
 
 def held_out(views: int, every: int) -> list[int]:

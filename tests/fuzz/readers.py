@@ -26,11 +26,11 @@ from shots import NAMES, cameras, views
 from silmesh.cameras import formats
 from silmesh.cameras.camera import write_cameras
 from silmesh.cameras.lens import Lens
-from silmesh.cli.video import cut
 from silmesh.config import parse_config
 from silmesh.datasets import read_datasets
 from silmesh.errors import InputError
 from silmesh.fitting.checkpoint import Checkpoint
+from silmesh.intake.video import cut
 from silmesh.meshes import read_mesh, refuse_flat, to_tensors
 from silmesh.report.tables import read_published
 from silmesh.silhouettes.network import Weights as NetworkWeights

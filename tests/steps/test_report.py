@@ -11,7 +11,7 @@ from PIL import Image
 
 from silmesh.cameras.camera import Similarity, write_cameras
 from silmesh.cameras.turntable import turntable_cameras
-from silmesh.scene import write_scene
+from silmesh.scene import Scene, write_scene
 from silmesh.silhouettes import encode
 from silmesh.softras import soft_silhouettes
 from silmesh.steps import figure, gallery, picture, report, rings
@@ -28,11 +28,12 @@ def results(tmp_path):
     cameras = turntable_cameras(["a", "b", "c", "d"], 64, 2.732, 10.0, 45.0)
     points = cameras.project(torch.tensor(box.vertices, dtype=torch.float32))
     masks = (soft_silhouettes(points, torch.tensor(box.faces), (64, 64)) > 0.5).numpy()
-    for folder in ("views", "silhouettes"):
-        (tmp_path / folder).mkdir()
-        for view, mask in zip(cameras.views, masks, strict=True):
-            encode(mask).save(tmp_path / folder / f"{view}.png")
+    (tmp_path / "views").mkdir()
+    for view, mask in zip(cameras.views, masks, strict=True):
+        encode(mask).save(tmp_path / "views" / f"{view}.png")
     told = {
+        "undistorted": 0,
+        "displacement": 0.0,
         "cameras": "calibrate",
         "dropped": {"e": "blurred & <b>"},
         "warnings": ["elevation is a guess"],
@@ -43,11 +44,11 @@ def results(tmp_path):
             }
         },
     }
-    pictures = {name: tmp_path / name for name in ("views", "silhouettes")}
     agreement = np.array([0.91, 0.93, 0.95, 0.97])
     world = Similarity.identity()
     for scene in (SCENE, JUDGED):
-        write_scene(tmp_path / scene, cameras, world, agreement, pictures, told)
+        made = Scene(cameras, world, masks, agreement, told)
+        write_scene(tmp_path / scene, made, tmp_path / "views")
     rows = ("a,,kept", "b,cut by the frame,kept", "c,,kept", "d,too small,dropped")
     (tmp_path / JUDGED / "quality.csv").write_text("view,doubt,fate\n" + "\n".join(rows) + "\n")
     encode(masks[0]).save(tmp_path / "views" / "e.png")

@@ -18,6 +18,7 @@ rule first:
     params:
         settings=lambda w: settings(with_first(w).settings.init),
         trial=trial_settings,
+        read=lambda w: given_digest(filter(None, [with_first(w).init_file])),
         code=code_digest("silmesh.steps.first"),
     message:
         "{wildcards.object}: making the first mesh {wildcards.first}"

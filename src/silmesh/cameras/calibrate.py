@@ -29,6 +29,7 @@ from silmesh.cameras.turning import (
 )
 from silmesh.errors import NAMED, InputError, name_some
 from silmesh.progress import Share, untold, within
+from silmesh.views import View
 
 FEWEST_VIEWS = 3
 POINTS, FEWEST_SAMPLES, MOST_SAMPLES = 1728, 32, 96  # of all outlines together; of each
@@ -160,6 +161,26 @@ def calibrate(
     _refuse_incoherent(turn, misses, repeated)
     said = [*repeated, *_find_cut(turn, named)]
     return _report(turn, best, misses, known, views, _find_rivals(turn, fits), mirror, said)
+
+
+def calibrate_views(
+    silhouettes: np.ndarray, views: Sequence[View], **known: float | bool | Share | None
+) -> Attempt:
+    """``calibrate`` from the silhouettes of working images, as an attempt.
+
+    Args:
+        silhouettes: [views, size, size] bool
+        views: these views, in the order in which they were taken
+        known: what else ``calibrate`` takes
+    """
+    scale = views[0].pixel_map
+    return attempt_calibration(
+        silhouettes,
+        [view.view for view in views],
+        aspect=float(scale[1, 1] / scale[0, 0]),
+        frames=np.array([view.frame for view in views]),
+        **known,
+    )
 
 
 def attempt_calibration(

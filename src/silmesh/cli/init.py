@@ -4,17 +4,17 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from silmesh.cli.choose import choose_cameras, choose_silhouettes, look
-from silmesh.cli.photographs import (
+from silmesh.cli.workspace import CONFIG, TABLE, find_snakefile, to_name, to_table, write_text
+from silmesh.datasets import usable
+from silmesh.errors import InputError
+from silmesh.files import try_file
+from silmesh.intake.photographs import (
     find_cameras,
     find_masks,
     find_photographs,
     folders_within,
 )
-from silmesh.cli.workspace import CONFIG, TABLE, find_snakefile, to_name, to_table, write_text
-from silmesh.datasets import usable
-from silmesh.errors import InputError
-from silmesh.files import try_file
+from silmesh.intake.sources import choose_cameras, choose_silhouettes, look
 from silmesh.naming import quote
 
 SNAKEFILE = """\

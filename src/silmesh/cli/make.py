@@ -10,7 +10,6 @@ import click
 
 from silmesh.cameras.locate import locate
 from silmesh.cli.bar import Bar
-from silmesh.cli.choose import choose_cameras, choose_silhouettes, look
 from silmesh.cli.outcome import (
     advise_on_cameras,
     copy,
@@ -19,7 +18,13 @@ from silmesh.cli.outcome import (
     find_doubts,
     refuse_suffix,
 )
-from silmesh.cli.photographs import (
+from silmesh.cli.runner import RunError, Runner
+from silmesh.cli.workspace import Workspace, claim, place_of, try_workspace
+from silmesh.datasets import usable
+from silmesh.diagnosis import MEASURED, describe_masks
+from silmesh.errors import InputError
+from silmesh.files import try_file
+from silmesh.intake.photographs import (
     describe_count,
     find_cameras,
     find_masks,
@@ -28,12 +33,8 @@ from silmesh.cli.photographs import (
     is_picture,
     is_video,
 )
-from silmesh.cli.runner import RunError, Runner
-from silmesh.cli.workspace import Workspace, claim, place_of, try_workspace
-from silmesh.datasets import usable
-from silmesh.diagnosis import MEASURED, describe_masks
-from silmesh.errors import InputError
-from silmesh.files import try_file
+from silmesh.intake.sources import choose_cameras, choose_silhouettes, look
+from silmesh.settings.section import own_file
 from silmesh.silhouettes.mask import refuse_labels
 from silmesh.silhouettes.weights import CACHE
 from silmesh.thresholds import CONVINCING
@@ -158,7 +159,7 @@ def _cut_video(paths: Sequence[Path], folder: Path) -> Sequence[Path]:
     """What is named; of a video the photographs that it is cut into, in the folder to work in."""
     if len(paths) > 1 or not is_video(paths[0]):
         return paths
-    from silmesh.cli.video import cut  # its libraries, for few
+    from silmesh.intake.video import cut  # its libraries, for few
 
     claim(folder)
     _say(f"{paths[0]}: is a video; the sharpest pictures are taken from it")
@@ -281,13 +282,13 @@ def _configure(
     kind, _, path = cameras.partition(":")
     where = f"{kind}:{usable(Path(path).absolute())}" if path else cameras
     variant = kind if kind.isidentifier() else "mesh"
+    # The workflow runs in another folder.
+    init = str(Path(options["init"]).absolute()) if own_file(options["init"]) else options["init"]
     row = {"silhouettes": silhouettes, "cameras": where, "turntable": options["turntable"]}
     values = {
         "views": {"size": options["size"]},
         "quality": {"policy": options["quality"]},
-        "variants": {
-            variant: {"init": {"shape": options["init"]}, "fit": {"preset": options["preset"]}}
-        },
+        "variants": {variant: {"init": {"shape": init}, "fit": {"preset": options["preset"]}}},
     }
     return variant, row, values
 

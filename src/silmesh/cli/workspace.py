@@ -20,10 +20,10 @@ from typing import Any
 
 import yaml
 
-from silmesh.cli.photographs import is_video
 from silmesh.datasets import COLUMNS, RESERVED, UNPRINTABLE
 from silmesh.errors import InputError
 from silmesh.files import PART, replacing, try_inside
+from silmesh.intake.photographs import is_video
 from silmesh.lock import COMMAND, hold
 from silmesh.naming import SUFFIXES, name_views, natural_key
 from silmesh.places import WRITTEN, try_places

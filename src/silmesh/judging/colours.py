@@ -8,7 +8,6 @@ object has its steepest elsewhere (the maximum of a cross-correlation).
 """
 
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 
 import numpy as np
 from PIL import Image
@@ -78,24 +77,27 @@ def _correlate(slope: np.ndarray, outline: np.ndarray, reach: int) -> np.ndarray
 
 
 def compare_all(
-    folder: Path, views: Sequence[str], silhouettes: np.ndarray, frames: np.ndarray
+    images: Mapping[str, Image.Image],
+    views: Sequence[str],
+    silhouettes: np.ndarray,
+    frames: np.ndarray,
 ) -> list[Figures]:
     """The figures of all views.
 
     NaN for a photograph that is transparent in places: what colour it has there says nothing.
 
     Args:
-        folder: of the working images, ``<view>.png``
+        images: the working images of the views
         silhouettes: [views, height, width] bool
         frames: [views, 4] of the photographs within the images, as ``compare`` takes them
     """
     found = []
     for view, silhouette, frame in zip(views, silhouettes, frames, strict=True):
-        with Image.open(folder / f"{view}.png") as image:
-            if image.has_transparency_data:
-                found.append({EDGES: np.nan, IN_PLACE: np.nan})
-            else:
-                found.append(compare(np.asarray(image.convert("RGB")), silhouette, frame))
+        image = images[view]
+        if image.has_transparency_data:
+            found.append({EDGES: np.nan, IN_PLACE: np.nan})
+        else:
+            found.append(compare(np.asarray(image.convert("RGB")), silhouette, frame))
     return found
 
 

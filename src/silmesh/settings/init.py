@@ -1,19 +1,23 @@
 """The first mesh."""
 
+import zlib
 from typing import Literal
 
 from pydantic import Field
 
-from silmesh.settings.section import Section, whole
+from silmesh.settings.section import OwnCode, Section, own_file, whole
 
+Shape = Literal["sphere", "ellipsoid", "cylinder", "cube", "prism", "hull", "auto"]
 TUNNELLED = {"prism", "hull", "auto"}  # shapes that can have tunnels to keep or to close
 
 
 class Init(Section):
     """The first mesh."""
 
-    shape: Literal["sphere", "ellipsoid", "cylinder", "cube", "prism", "hull", "auto"] = Field(
-        "sphere", description="the first mesh; auto tries all but the sphere"
+    shape: Shape | OwnCode = Field(
+        "sphere",
+        description="the first mesh; auto tries all but the sphere; a function of your own is "
+        "called with silhouettes, cameras and the number of vertices",
     )
     vertices: whole(12, 200_000) | Literal["auto"] = Field(
         "auto",
@@ -33,4 +37,6 @@ class Init(Section):
     def key(self) -> str:
         """Names a first mesh of given silhouettes and cameras."""
         closed = "-closed" if self.genus == "sphere" and self.shape in TUNNELLED else ""
-        return f"{self.shape}-{self.vertices}-{self.align}{closed}"
+        own = f"own_{zlib.crc32(self.shape.encode()):08x}"
+        shape = own if own_file(self.shape) else self.shape
+        return f"{shape}-{self.vertices}-{self.align}{closed}"

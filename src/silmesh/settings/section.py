@@ -39,6 +39,11 @@ NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False), "a number, 0 or
 Momentum = Annotated[float, Field(ge=0, lt=1)]
 Betas = Annotated[tuple[Momentum, Momentum], "two numbers, each 0 or above and below 1"]
 Pixels = whole(16, 4096)
+OwnCode = Annotated[
+    str,
+    StringConstraints(pattern=r"^[^{}]+\.py:[A-Za-z_][A-Za-z0-9_]*$"),
+    "'path/to/file.py:function', one of your own",
+]
 Truth = Annotated[bool, Field(strict=True), "true or false"]
 Seed = whole(0, 2**32 - 1)
 
@@ -71,6 +76,12 @@ class Section(BaseModel):
     def part(self, kind: type["Section"]) -> "Section":
         """The keys of another section that this one has all of."""
         return kind.model_validate({name: getattr(self, name) for name in kind.model_fields})
+
+
+def own_file(name: str) -> Path | None:
+    """The file of a person's own function; None if the name, of a method, is not of one."""
+    file, found, function = name.rpartition(".py:")
+    return Path(f"{file}.py") if found and function.isidentifier() else None
 
 
 def _has_long_name(path: str) -> bool:

@@ -1,6 +1,6 @@
 """The first mesh that a configuration names, and what a person should know of it."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -8,12 +8,15 @@ import numpy as np
 import trimesh
 
 from silmesh.cameras.camera import FIRST_SCALE, Cameras
-from silmesh.errors import name_some
+from silmesh.errors import InputError, name_some
 from silmesh.geometry.frame import is_cut
+from silmesh.own_code import call
 from silmesh.progress import Share, untold
 from silmesh.settings.init import Init
+from silmesh.settings.section import own_file
 from silmesh.shapes.carved import CARVED, EmptyHull
 from silmesh.shapes.choose import VERTICES, Score, Trial, score_meshes, share
+from silmesh.shapes.looks import crop
 from silmesh.shapes.place import align_to_box, choose_count, choose_report_count, to_unit
 from silmesh.shapes.primitives import PRIMITIVES, placed_primitive, plain_primitive
 from silmesh.shapes.sphere import unit_sphere
@@ -39,10 +42,13 @@ def first_mesh(
     cameras: Cameras,
     trial: Trial | None = None,
     progress: Share = untold,
+    frame: Sequence[int] | None = None,
 ) -> First:
     """Make a first mesh at unit size; the fit halves it.
 
-    Where a hull is asked for that is empty, it is the ellipsoid, with a warning.
+    Where a hull is asked for that is empty, it is the ellipsoid, with a warning. A function of a
+    person's own (``own_code``) is called with the silhouettes, the cameras, and the number of
+    vertices or None, and gives a closed mesh in the cameras' world, the normalised one.
 
     Args:
         init: what is asked for
@@ -50,7 +56,14 @@ def first_mesh(
         cameras: of these views, in the normalised world
         trial: fits for a few steps; needed for ``auto``
         progress: is told which share of these fits is done
+        frame: left, top, right and bottom of all photographs in these images, in pixels; the whole
+            images if not given
+
+    Raises:
+        InputError: a function of a person's own fails, or gives no closed mesh
     """
+    if frame is not None and init.shape != "sphere":  # the report's is placed in the whole image
+        silhouettes, cameras = crop(silhouettes, cameras, frame)
     scores, warnings = {}, []
     shape = init.shape
     if shape == "auto":
@@ -91,6 +104,9 @@ def _make(
         carved = CARVED[init.shape](silhouettes, cameras, vertices, init.genus)
         mesh = carved.mesh
         told = {name: getattr(carved, name) for name in ("tolerated", "pieces", "lost")}
+    elif own_file(init.shape):
+        given = None if counted else init.vertices
+        mesh = _take(init.shape, call(init.shape, silhouettes, cameras, given))
     elif init.align == "none":
         mesh = plain_primitive(init.shape, vertices)
     else:
@@ -99,6 +115,17 @@ def _make(
         return to_unit(mesh), told
     mesh.apply_scale(FIRST_SCALE)
     return mesh, told
+
+
+def _take(shape: str, made: Any) -> trimesh.Trimesh:
+    """The mesh that a person's own function gave, if one can be fitted from it."""
+    if not isinstance(made, trimesh.Trimesh):
+        raise InputError(f"{shape}: gives {type(made).__name__}; should give a trimesh.Trimesh")
+    if not np.isfinite(made.vertices).all():
+        raise InputError(f"{shape}: gives a vertex that is not finite")
+    if not (len(made.faces) and made.is_watertight):
+        raise InputError(f"{shape}: gives a mesh that is not closed; should be watertight")
+    return trimesh.Trimesh(made.vertices, made.faces, process=False)
 
 
 def _score(

@@ -1,5 +1,7 @@
 """Few and small views, in which a first mesh is tried before it is made."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 import trimesh
@@ -34,7 +36,7 @@ def look_smaller(
 
 
 def crop(
-    silhouettes: np.ndarray, cameras: Cameras, frame: tuple[int, int, int, int]
+    silhouettes: np.ndarray, cameras: Cameras, frame: Sequence[int]
 ) -> tuple[np.ndarray, Cameras]:
     """What the photographs show: an object that their frame cuts may go on beyond it.
 

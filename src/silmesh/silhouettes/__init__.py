@@ -10,6 +10,7 @@ only when it is asked for. On disk a silhouette is what the report defines: RGBA
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -21,7 +22,7 @@ from silmesh.errors import InputError
 from silmesh.files import making
 from silmesh.settings.silhouettes import Networks
 from silmesh.silhouettes import alpha, mask
-from silmesh.views import View
+from silmesh.views import ImageFolder, View
 
 
 def _find_by_threshold(image: Image.Image, view: View, file: Path | None) -> np.ndarray:
@@ -48,6 +49,78 @@ HINTS = {
 }
 
 
+@dataclass(frozen=True)
+class Found:
+    """The silhouettes of all views.
+
+    Attributes:
+        silhouettes: [views, size, size] bool, empty where one was spared
+        spared: what is wrong with each of those
+        lost: of which views a photograph or a mask could not be read, and what
+    """
+
+    silhouettes: np.ndarray
+    spared: Sequence[str] = ()
+    lost: Mapping[str, str] = field(default_factory=dict)
+
+
+def find_silhouettes(
+    source: str,
+    views: Sequence[View],
+    images: Mapping[str, Image.Image],
+    masks: Sequence[Path] = (),
+    settings: Any = None,
+    spare: bool = False,
+    progress: Callable[[int], None] = lambda done: None,
+    threads: int | None = None,
+) -> Found:
+    """Find the silhouette of every view.
+
+    Args:
+        source: a key of ``SOURCES`` or one of ``NETWORKS``
+        views: the views, in order
+        images: their working images
+        masks: the views' mask files in the same order, or none
+        settings: of the network, if the source is one
+        spare: let a silhouette be empty that cannot be used, as long as two can
+        progress: is told how many views are done
+        threads: of the network
+
+    Raises:
+        InputError: masks are lacking or differ in number from the views; a photograph or a mask
+            cannot be read; a silhouette is empty or fills its photograph; even if others can be
+            used, a mask tells more than object and background apart
+    """
+    spared, lost, kept = [], {}, []
+    _refuse_other_count(source, views, masks)
+    files = masks or [None] * len(views)
+    found = _find_each(source, views, images, files, settings, threads)
+    for done, (view, file, silhouette) in enumerate(zip(views, files, found, strict=True), start=1):
+        if isinstance(silhouette, mask.SeveralValuesError):
+            raise silhouette
+        if isinstance(silhouette, InputError):
+            wrong = str(silhouette)
+            what = "photograph" if view.unreadable else source
+            lost[view.view] = f"its {what} cannot be used"
+        else:
+            wrong = _describe_wrong(silhouette, view, source, file)
+        if wrong:
+            spared.append(wrong)
+            _refuse_wrong(spared, len(views), spare)
+            silhouette = np.zeros((view.size, view.size), bool)
+        kept.append(silhouette)
+        progress(done)
+    return Found(np.stack(kept), spared, lost)
+
+
+def _refuse_wrong(wrong: Sequence[str], views: int, spare: bool) -> None:
+    """Refuse the last that is wrong, or all of them if they leave too few views."""
+    if not spare:
+        raise InputError(f"{wrong[-1]}. quality.policy 'drop' goes on without such a view")
+    if views - len(wrong) < FEWEST:
+        raise InputError("\n".join(wrong))
+
+
 def write_silhouettes(
     source: str,
     views: Sequence[View],
@@ -58,61 +131,31 @@ def write_silhouettes(
     spare: bool = False,
     progress: Callable[[int], None] = lambda done: None,
     threads: int | None = None,
-) -> list[str]:
+) -> Sequence[str]:
     """Find the silhouette of every view and write ``<folder>/<view>.png``.
 
-    Args:
-        source: a key of ``SOURCES`` or one of ``NETWORKS``
-        views: the views, in order
-        images: the folder of their working images
-        masks: the views' mask files in the same order, or none
-        settings: of the network, if the source is one
-        spare: write an empty silhouette where one cannot be used, as long as two can; those of
-            which photograph or mask cannot be read are also named in ``lost.json``
-        progress: is told how many views are done
-        threads: of the network
+    Views of which something could not be read are also named in ``lost.json``. Arguments and errors
+    are those of ``find_silhouettes``, but for ``images``: the folder of the working images.
 
     Returns:
         for each view that was spared, what is wrong with its silhouette
-
-    Raises:
-        InputError: masks are lacking or differ in number from the views; a photograph or a mask
-            cannot be read; a silhouette is empty or fills its photograph; even if others can be
-            used, a mask tells more than object and background apart
     """
-    refused, lost = [], {}
-    _refuse_other_count(source, views, masks)
     with making(folder) as part:
-        files = masks or [None] * len(views)
-        found = _find_each(source, views, images, files, settings, threads)
-        each = zip(views, files, found, strict=True)
-        for done, (view, file, silhouette) in enumerate(each, start=1):
-            if isinstance(silhouette, mask.SeveralValuesError):
-                raise silhouette
-            if isinstance(silhouette, InputError):
-                wrong = str(silhouette)
-                what = "photograph" if view.unreadable else source
-                lost[view.view] = f"its {what} cannot be used"
-            else:
-                wrong = _describe_wrong(silhouette, view, source, file)
-            if wrong:
-                refused.append(wrong)
-                if not spare:
-                    raise InputError(f"{wrong}. quality.policy 'drop' goes on without such a view")
-                if len(views) - len(refused) < FEWEST:
-                    raise InputError("\n".join(refused))
-                silhouette = np.zeros((view.size, view.size), bool)
+        found = find_silhouettes(
+            source, views, ImageFolder(images), masks, settings, spare, progress, threads
+        )
+        for view, silhouette in zip(views, found.silhouettes, strict=True):
             encode(silhouette).save(part / f"{view.view}.png")
-            progress(done)
-        if lost:
-            (part / LOST).write_text(json.dumps(lost, indent=1) + "\n", encoding="utf-8")
-    return refused
+        if found.lost:
+            lost = json.dumps(found.lost, indent=1)
+            (part / LOST).write_text(lost + "\n", encoding="utf-8")
+    return found.spared
 
 
 def _find_each(
     source: str,
     views: Sequence[View],
-    images: Path,
+    images: Mapping[str, Image.Image],
     files: Sequence[Path | None],
     settings: Any,
     threads: int | None,
@@ -129,12 +172,13 @@ def _find_each(
         yield InputError(view.unreadable) if view.unreadable else next(found)
 
 
-def _find(source: str, view: View, images: Path, file: Path | None) -> np.ndarray | InputError:
-    with Image.open(images / f"{view.view}.png") as image:
-        try:
-            return SOURCES[source](image, view, file)
-        except InputError as error:
-            return error
+def _find(
+    source: str, view: View, images: Mapping[str, Image.Image], file: Path | None
+) -> np.ndarray | InputError:
+    try:
+        return SOURCES[source](images[view.view], view, file)
+    except InputError as error:
+        return error
 
 
 def _refuse_other_count(source: str, views: Sequence[View], masks: Sequence[Path]) -> None:

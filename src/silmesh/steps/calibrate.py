@@ -4,11 +4,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 import torch
 
 from silmesh.cameras.attempt import write_attempt
-from silmesh.cameras.calibrate import attempt_calibration
+from silmesh.cameras.calibrate import calibrate_views
 from silmesh.progress import share_of
 from silmesh.settings.cameras import Calibrate
 from silmesh.silhouettes import read_silhouettes
@@ -30,19 +29,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)
     views = read_views(given.views)
-    names = [view.view for view in views]
-    to_working = views[0].pixel_map
-    aspect = float(to_working[1, 1] / to_working[0, 0])
-    silhouettes = read_silhouettes(given.silhouettes, names)
-    attempt = attempt_calibration(
-        silhouettes,
-        names,
+    attempt = calibrate_views(
+        read_silhouettes(given.silhouettes, [view.view for view in views]),
+        views,
         step=given.step,
         elevation=given.elevation,
         distance=given.distance,
         above_table=given.settings.above_table,
-        aspect=aspect,
-        frames=np.array([view.frame for view in views]),
         progress=share_of(f"calibrate {given.output}"),
     )
     for warning in attempt.warnings:

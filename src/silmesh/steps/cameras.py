@@ -4,9 +4,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from silmesh.cameras.attempt import Attempt, write_attempt
+from silmesh.cameras.attempt import write_attempt
 from silmesh.cameras.formats import attempt_from_file
-from silmesh.cameras.turntable import turntable_cameras
+from silmesh.cameras.known import attempt_turntable
 from silmesh.errors import blaming
 from silmesh.steps.command import output_folder, parser, run
 from silmesh.views import read_views
@@ -31,11 +31,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     if given.file:
         attempt = attempt_from_file(given.file, views)
     else:
-        names = [view.view for view in views]
         numbers = ",".join(f"{number:g}" for number in given.turntable)
         with blaming(f"turntable {numbers} of {given.views}"):
-            cameras = turntable_cameras(names, views[0].size, *given.turntable)
-        attempt = Attempt("turntable", cameras)
+            attempt = attempt_turntable(views, *given.turntable)
     for warning in attempt.warnings:
         print(f"silmesh: {warning}", file=sys.stderr)
     write_attempt(given.output, attempt)

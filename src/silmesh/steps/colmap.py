@@ -6,13 +6,11 @@ from pathlib import Path
 
 import torch
 
-from silmesh.agreement import refuse_incoherent
-from silmesh.cameras.attempt import Attempt, write_attempt
-from silmesh.cameras.colmap import attempt_model
-from silmesh.cameras.stages import MODEL, read_report
+from silmesh.cameras.attempt import write_attempt
+from silmesh.motion import SOURCE, judge_model
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import output_folder, parser, run
-from silmesh.views import View, read_views
+from silmesh.views import read_views
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -25,18 +23,12 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--output", type=output_folder, required=True, help="folder to make")
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)
-    attempt = judge("colmap", given.model, read_views(given.views), given.silhouettes)
+    views = read_views(given.views)
+    silhouettes = read_silhouettes(given.silhouettes, [view.view for view in views])
+    attempt = judge_model(SOURCE, given.model, views, silhouettes)
     for line in (*attempt.warnings, *filter(None, [attempt.refusal])):
         print(f"silmesh: {line}", file=sys.stderr)
     write_attempt(given.output, attempt)
-
-
-def judge(source: str, stage: Path, views: Sequence[View], silhouettes: Path) -> Attempt:
-    """The attempt that a model's stage comes to."""
-    attempt = attempt_model(source, stage / MODEL, read_report(stage), views)
-    if attempt.cameras is None:
-        return attempt
-    return refuse_incoherent(attempt, read_silhouettes(silhouettes, attempt.cameras.views))
 
 
 if __name__ == "__main__":

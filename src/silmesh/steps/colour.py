@@ -9,7 +9,7 @@ from silmesh.meshes import read_mesh, write_coloured
 from silmesh.scene import SILHOUETTES, VIEWS
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import output_file, parser, run
-from silmesh.views import read_pictures
+from silmesh.views import ImageFolder, stack_pictures
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -28,7 +28,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         mesh.vertices,
         mesh.faces,
         cameras,
-        read_pictures(given.scene / VIEWS, cameras.views),
+        stack_pictures(ImageFolder(given.scene / VIEWS), cameras.views),
         read_silhouettes(given.scene / SILHOUETTES, cameras.views),
     )
     write_coloured(given.meshes, mesh, colours)

@@ -2,27 +2,18 @@
 
 import json
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 import torch
-import trimesh
 
-from silmesh.cameras.camera import Cameras
 from silmesh.files import replacing
-from silmesh.fitting.loop import NotFinite
-from silmesh.fitting.softras import SoftRas
-from silmesh.meshes import to_tensors
+from silmesh.fitting.trial import trial_with
 from silmesh.progress import share_of
-from silmesh.scene import SILHOUETTES, read_scene
+from silmesh.scene import load_scene
 from silmesh.settings.fit import SoftRasFit
 from silmesh.settings.init import Init
-from silmesh.shapes.choose import ROUNDS
 from silmesh.shapes.first import first_mesh
-from silmesh.shapes.looks import crop
-from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import add_settings, output_file, parser, run
 
 
@@ -37,21 +28,14 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--report", type=output_file, required=True, help="init.json to write")
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)
-    cameras, _, scene = read_scene(given.scene)
-    silhouettes = read_silhouettes(given.scene / SILHOUETTES, cameras.views)
-    if given.settings.shape != "sphere":  # the report's, which is placed in the whole image
-        silhouettes, cameras = crop(silhouettes, cameras, scene["frame"])
-    trials = given.trial.model_copy(update={"iterations": ROUNDS[-1][0] + 1})
-
-    def trial(mesh: trimesh.Trimesh, cameras: Cameras, silhouettes: np.ndarray) -> Iterator[float]:
-        target = torch.tensor(silhouettes, dtype=torch.float32)
-        fit = SoftRas(*to_tensors(mesh), cameras, target, trials)
-        with suppress(NotFinite):
-            while not fit.done:
-                yield fit.step()["loss"]
-
+    scene = load_scene(given.scene)
     first = first_mesh(
-        given.settings, silhouettes, cameras, trial, share_of(f"first {given.output}")
+        given.settings,
+        scene.silhouettes,
+        scene.cameras,
+        trial_with(given.trial),
+        share_of(f"first {given.output}"),
+        scene.told["frame"],
     )
     for warning in first.told["warnings"]:
         print(f"silmesh: {given.scene}: {warning}", file=sys.stderr)

@@ -6,7 +6,8 @@ import subprocess
 import pytest
 from PIL import Image
 
-from silmesh.cli.photographs import (
+from silmesh.errors import InputError
+from silmesh.intake.photographs import (
     describe_count,
     find_cameras,
     find_masks,
@@ -14,7 +15,6 @@ from silmesh.cli.photographs import (
     find_unread,
     folders_within,
 )
-from silmesh.errors import InputError
 
 
 def save(path, size=(40, 30), camera=None):

@@ -9,8 +9,8 @@ from click.testing import CliRunner
 from PIL import Image
 
 from silmesh.cli.main import main
-from silmesh.cli.video import PARTS, cut
 from silmesh.errors import InputError
+from silmesh.intake.video import PARTS, cut
 
 WIDTH, HEIGHT = 64, 48
 

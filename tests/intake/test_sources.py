@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from silmesh.cli.choose import Look, choose_cameras, choose_silhouettes, look
 from silmesh.errors import InputError
+from silmesh.intake.sources import Look, choose_cameras, choose_silhouettes, look
 
 GRID = np.indices((96, 128)).transpose(1, 2, 0)
 NOISE = np.random.default_rng(0)

@@ -1,0 +1,629 @@
+"""The Python API: ``silmesh.reconstruct`` and the stages that it composes, all in memory.
+
+``import silmesh`` gives these names and loads this module, and the libraries that it stands on,
+when one of them is first used. What is chosen, and every default, is what the command
+``silmesh PHOTOS`` takes. Only COLMAP needs files, which lie in a temporary folder meanwhile.
+
+Stages follow one another:
+
+    photographs = silmesh.read_photographs("photos/")
+    found = silmesh.find_silhouettes(photographs, masks="masks/")
+    scene = silmesh.find_cameras(photographs, found)
+    first = silmesh.initial_mesh(scene)
+    fitted = silmesh.fit(first, scene)
+    mesh, metrics = silmesh.colour(fitted, scene), silmesh.evaluate(fitted, scene, first)
+
+World   of a scene: normalised, y up, the object in the sphere of radius 0.5 about the origin; of
+        what a fit gives: the cameras' own. Cameras are OpenCV's (``silmesh.cameras.camera``).
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+import torch
+import trimesh
+from PIL import Image
+
+from silmesh import colouring, metrics
+from silmesh.assemble import build_scene
+from silmesh.cameras.attempt import FILE, WORLD_TO_CAMERA, Attempt
+from silmesh.cameras.camera import Cameras
+from silmesh.cameras.locate import locate
+from silmesh.datasets import parse_turntable
+from silmesh.errors import InputError
+from silmesh.fitting.fit import Fitted, fit_mesh
+from silmesh.fitting.loop import Record
+from silmesh.fitting.trial import trial_with
+from silmesh.intake.photographs import find_masks, find_photographs, is_video
+from silmesh.intake.sources import choose_cameras, choose_silhouettes, look
+from silmesh.judging.judged import judge_scene
+from silmesh.meshes import read_mesh, write_coloured
+from silmesh.naming import match_masks
+from silmesh.progress import Share, untold
+from silmesh.scene import Scene
+from silmesh.settings.cameras import Calibrate, Colmap
+from silmesh.settings.check import check
+from silmesh.settings.fit import Fit, SoftRasFit
+from silmesh.settings.init import Init
+from silmesh.settings.quality import Quality
+from silmesh.settings.silhouettes import FOREGROUND_MODELS, Networks
+from silmesh.settings.views import Views
+from silmesh.shapes.first import First, first_mesh
+from silmesh.silhouettes import Found
+from silmesh.silhouettes import find_silhouettes as find_each
+from silmesh.silhouettes.mask import refuse_labels
+from silmesh.thresholds import CONVINCING
+from silmesh.views import View, in_order, make_views, stack_pictures
+
+Paths = str | Path | Sequence[str | Path]
+CameraSource = str | Path | Cameras
+SECTIONS = {  # of the configuration
+    "views": Views,
+    **{name: field.annotation for name, field in Networks.model_fields.items()},
+    "calibrate": Calibrate,
+    "colmap": Colmap,
+    "quality": Quality,
+    "init": Init,
+    "fit": Fit,
+}
+SOURCES = ("turntable", "calibrate", "colmap", "auto")  # of cameras, beside files
+OWN = "the cameras given"  # what messages call cameras that come of no file
+WRITTEN = (".glb", ".obj", ".ply", ".stl")  # formats of meshes
+HULL = "hull"  # the initial mesh, unless another is asked for
+
+
+@dataclass(frozen=True)
+class Photographs:
+    """Photographs of one object, and their working images.
+
+    Attributes:
+        files: in natural order
+        views: of each its name, and where it lies in its working image
+        images: the working images by the views' names, [size, size] RGB or RGBA
+        notes: what a person should know of what was found and is not used
+        video: the folder of the pictures that a video was cut into, while this lives
+    """
+
+    files: tuple[Path, ...]
+    views: tuple[View, ...]
+    images: Mapping[str, Image.Image]
+    notes: tuple[str, ...] = ()
+    video: TemporaryDirectory | None = None
+
+
+@dataclass(frozen=True)
+class Silhouettes(Found):
+    """The silhouettes of all photographs, and where they come from.
+
+    Attributes:
+        source: ``mask``, ``alpha``, ``threshold``, ``deeplab`` or ``matting``
+        policy: what is done with doubtful ones: ``keep``, ``drop`` or ``repair``
+    """
+
+    source: str = "mask"
+    policy: str = "keep"
+
+
+@dataclass(frozen=True)
+class Reconstruction:
+    """What became of photographs.
+
+    Attributes:
+        mesh: with the colours of its vertices, in the cameras' world
+        cameras: of the fitted views, as ``cameras.json`` has them
+        silhouettes: [views, size, size] bool, in the order of the cameras
+        metrics: as ``metrics.json`` has them; ``silhouettes``, a folder there, is None
+        losses: before each step, as ``loss.csv`` has them
+        initial: the mesh that the fit began with, and what is said of it
+        scene: what was fitted, in the normalised world
+    """
+
+    mesh: trimesh.Trimesh
+    cameras: Cameras
+    silhouettes: np.ndarray
+    metrics: Mapping[str, Any]
+    losses: Sequence[Record]
+    initial: First
+    scene: Scene
+
+    def save(self, path: str | Path) -> None:
+        """Write the mesh as the workflow does, ``.glb`` or ``.obj``, or as ``.ply`` or ``.stl``.
+
+        Raises:
+            InputError: the ending names none of these formats
+        """
+        if Path(path).suffix.lower() not in WRITTEN:
+            raise InputError(f"{path}: should end in {', '.join(WRITTEN)}, which names the format")
+        colours = np.asarray(self.mesh.visual.vertex_colors)[:, :3]
+        write_coloured([Path(path)], self.mesh, colours)
+
+
+def reconstruct(
+    photographs: Paths,
+    masks: Paths | None = None,
+    cameras: CameraSource | None = None,
+    *,
+    silhouettes: str | None = None,
+    turntable: str = "",
+    size: int = 256,
+    init: str = HULL,
+    preset: str = "fast",
+    quality: str = "auto",
+    truth: trimesh.Trimesh | str | Path | None = None,
+    settings: Mapping[str, Mapping[str, Any]] | None = None,
+    progress: Callable[[str, float], None] = lambda stage, share: None,
+) -> Reconstruction:
+    """Make a mesh of one object from photographs of it, as ``silmesh PHOTOS`` does.
+
+    Args:
+        photographs: a folder, files, or a video
+        masks: a folder, a glob or files, white on the object, named like the photographs; found
+            beside these if not given
+        cameras: ``calibrate``, ``colmap``, ``auto``, ``turntable`` (known), a file or folder of
+            cameras, or cameras of the photographs; chosen by what the photographs show if not given
+        silhouettes: ``mask``, ``alpha``, ``threshold``, ``matting`` or ``deeplab``; likewise
+        turntable: what is known of it, ``distance,elevation,step`` in scene units and degrees
+        size: side of the working images, in pixels
+        init: shape of the initial mesh
+        preset: of the fit, ``fast`` or ``softras``
+        quality: what is done with doubtful silhouettes: ``auto``, ``keep``, ``drop``, ``repair``
+        truth: the true mesh, or its file, in the frame of the cameras; metrics compare with it
+        settings: more of the configuration by its sections, as ``{"fit": {"iterations": 300}}``
+        progress: is told each stage's name and which share of it is done
+
+    Raises:
+        InputError: what is given cannot be used, or no cameras agree with the silhouettes
+    """
+    sections = _check_sections(settings or {})
+    sections["views"] = {"size": size, **sections["views"]}
+    sections["init"] = {"shape": init, **sections["init"]}
+    sections["fit"] = {"preset": preset, **sections["fit"]}
+    sections["quality"] = {"policy": quality, **sections["quality"]}
+    beside = [path for path in (masks, cameras) if isinstance(path, str | Path)]
+    files, notes, video = _find_files(photographs, beside)
+    seen = _Seen(files, masks, silhouettes)
+    policy, fewest = _policy(seen.source, sections["quality"])
+    shown = _read(files, notes, video, sections["views"], policy, fewest, _tell(progress, "views"))
+    network = sections.get(seen.source, {})
+    found = _find_silhouettes(shown, seen, policy, network, _tell(progress, "silhouettes"))
+    scene = find_cameras(
+        shown,
+        found,
+        cameras,
+        turntable=turntable,
+        fewest=fewest,
+        calibrate=sections["calibrate"],
+        colmap=sections["colmap"],
+        progress=_tell(progress, "cameras"),
+    )
+    first = initial_mesh(scene, **sections["init"], progress=_tell(progress, "initial mesh"))
+    fitted = fit(first, scene, **sections["fit"], progress=_tell(progress, "fit"))
+    return Reconstruction(
+        colour(fitted, scene),
+        fitted.cameras,
+        scene.silhouettes,
+        evaluate(fitted, scene, first, truth),
+        fitted.records,
+        first,
+        scene,
+    )
+
+
+def read_photographs(
+    photographs: Paths,
+    *,
+    size: int = 256,
+    resize: str = "pad",
+    fewest: int | None = None,
+    progress: Share = untold,
+) -> Photographs:
+    """Read photographs, and resize them to square working images.
+
+    Args:
+        photographs: a folder, files, or a video
+        size: side of the working images, in pixels
+        resize: ``pad`` keeps the aspect, centred; ``stretch`` fills the square
+        fewest: photographs that must be readable; all of them if not given
+        progress: is told which share is done
+
+    Raises:
+        InputError: there are no photographs, they seem to be of several objects, or too few can be
+            read
+    """
+    files, notes, video = _find_files(photographs, [])
+    return _read(files, notes, video, {"size": size, "resize": resize}, "", fewest, progress)
+
+
+def find_silhouettes(
+    photographs: Photographs,
+    masks: Paths | None = None,
+    source: str | None = None,
+    *,
+    policy: str = "auto",
+    progress: Share = untold,
+    **settings: Any,
+) -> Silhouettes:
+    """Find which pixels of each working image show the object.
+
+    Args:
+        masks: a folder, a glob or files, as for ``reconstruct``
+        source: ``mask``, ``alpha``, ``threshold``, ``matting`` or ``deeplab``; chosen by what the
+            photographs show if not given
+        policy: ``keep`` refuses a silhouette that cannot be used; ``drop`` and ``repair`` let it be
+            empty; ``auto`` is as for ``reconstruct``
+        progress: is told which share is done
+        settings: of the configuration's section of the source, if that is a network
+
+    Raises:
+        InputError: a silhouette cannot be found or used
+    """
+    seen = _Seen(photographs.files, masks, source)
+    policy, _ = _policy(seen.source, {"policy": policy})
+    return _find_silhouettes(photographs, seen, policy, settings, progress)
+
+
+def find_cameras(
+    photographs: Photographs,
+    silhouettes: Silhouettes,
+    source: CameraSource | None = None,
+    *,
+    turntable: str = "",
+    fewest: int = 3,
+    calibrate: Mapping[str, Any] | None = None,
+    colmap: Mapping[str, Any] | None = None,
+    progress: Share = untold,
+) -> Scene:
+    """Find or read the cameras of the photographs, judge the silhouettes by them, and normalise.
+
+    Args:
+        silhouettes: of the photographs
+        source: ``calibrate``, ``colmap``, ``auto``, ``turntable``, a file or folder of cameras, or
+            cameras in pixels of the photographs or of the working images, named like these; chosen
+            by what the photographs show if not given, and by how far silhouettes agree
+        turntable: what is known of it, as for ``reconstruct``
+        fewest: views that must be left where doubtful ones are dropped
+        calibrate, colmap: of the configuration's sections
+        progress: is told which share is done of what takes longest
+    Returns:
+        the views that are to be fitted: cameras, silhouettes and images, undistorted, in the
+        normalised world
+
+    Raises:
+        InputError: there are no cameras, or they contradict the silhouettes; says what was tried
+    """
+    tries: Sequence[CameraSource] = (source,) if source is not None else ()
+    tries = tries or choose_cameras(look(photographs.files))[0]
+    search = _Search(photographs, silhouettes, turntable, calibrate or {}, colmap or {}, progress)
+    made, failure = None, None
+    for trial in tries:
+        try:
+            made = _judge(search, trial, fewest)
+        except InputError as error:
+            failure = error
+            continue
+        if made.coherence.mean() >= CONVINCING:
+            break
+    if made is None:
+        raise failure
+    return made
+
+
+def initial_mesh(
+    scene: Scene, shape: str = HULL, *, progress: Share = untold, **settings: Any
+) -> First:
+    """Make an initial mesh, at unit size: ``.mesh``, and ``.told`` of how it was made.
+
+    Args:
+        scene: that it is for
+        shape: ``sphere``, ``ellipsoid``, ``cylinder``, ``cube``, ``prism``, ``hull``, or ``auto``,
+            which tries all but the sphere
+        progress: is told which share of the trials of ``auto`` is done
+        settings: more of the configuration's section ``init``
+
+    Raises:
+        InputError: a setting is unknown or wrong
+    """
+    return first_mesh(
+        _check("init", {"shape": shape, **settings}),
+        scene.silhouettes,
+        scene.cameras,
+        trial_with(SoftRasFit()),
+        progress,
+        scene.told["frame"],
+    )
+
+
+def fit(
+    mesh: trimesh.Trimesh | First,
+    scene: Scene,
+    preset: str = "fast",
+    *,
+    progress: Share = untold,
+    watch: Callable[[Record], None] = lambda record: None,
+    **settings: Any,
+) -> Fitted:
+    """Fit a mesh to the silhouettes of a scene, by a differentiable renderer.
+
+    Source: Liu et al., Soft Rasterizer (ICCV 2019); ``docs/fitting.md`` says what ``fast`` adds.
+
+    Args:
+        mesh: at unit size, closed; your own, or an initial mesh
+        scene: from ``find_cameras``
+        preset: ``fast``: ours; ``softras``: the report's procedure to the letter
+        progress: is told which share of the steps is done
+        watch: is told the losses before each step
+        settings: more of the configuration's section ``fit``
+    Returns:
+        ``.mesh`` and ``.cameras`` in the cameras' own world, ``.records`` of the losses
+
+    Raises:
+        InputError: a setting is wrong, or the fit meets numbers that are not finite
+    """
+    chosen = _check("fit", {"preset": preset, **settings})
+
+    def tell(record: Record) -> None:
+        progress((record.iteration + 1) / chosen.iterations)
+        watch(record)
+
+    whole = mesh.mesh if isinstance(mesh, First) else mesh
+    return fit_mesh(whole, scene, chosen, tell)
+
+
+def evaluate(
+    fitted: Fitted,
+    scene: Scene,
+    initial: First | None = None,
+    truth: trimesh.Trimesh | str | Path | None = None,
+) -> dict[str, Any]:
+    """Measure a fitted mesh: the content of ``metrics.json``, described in ``docs/metrics.md``.
+
+    Args:
+        fitted: by ``fit``
+        scene: that it was fitted to
+        initial: of which the metrics say how it was made
+        truth: the true mesh, or its file, in the frame of the cameras; the mesh is first laid on it
+            where the cameras were found from the photographs
+
+    Raises:
+        InputError: the truth cannot be read
+    """
+    known = read_mesh(Path(truth)) if isinstance(truth, str | Path) else truth
+    estimated = scene.told["cameras"] not in ("turntable", FILE)
+    return metrics.evaluate(
+        fitted.mesh,
+        fitted.cameras,
+        scene,
+        asdict(fitted.records[-1]),
+        fitted.settings.sigma_at(scene.silhouettes.shape[-1]),
+        fitted.settings.holdout,
+        initial.told if initial else None,
+        truth=known,
+        align=estimated,
+    )
+
+
+def colour(fitted: Fitted, scene: Scene) -> trimesh.Trimesh:
+    """The fitted mesh with a colour of each vertex, sRGB, from the photographs that see it."""
+    mesh, cameras = fitted.mesh, fitted.cameras
+    colours = colouring.colour_vertices(
+        mesh.vertices,
+        mesh.faces,
+        cameras,
+        stack_pictures(scene.images, cameras.views),
+        scene.silhouettes,
+    )
+    return trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=colours, process=False)
+
+
+class _Seen:
+    """Where silhouettes come from: the source, and the mask of each photograph or none.
+
+    Args:
+        files: the photographs
+        masks: as a person gives them
+        source: likewise
+    """
+
+    def __init__(self, files: Sequence[Path], masks: Paths | None, source: str | None):
+        if masks is not None and source not in (None, "mask"):
+            raise InputError(
+                f"masks {masks}: silhouettes {source!r} take no masks; leave one of the two out"
+            )
+        wanted = source in (None, "mask")
+        self.masks, self.notes = _find_masks(files, masks) if wanted else ([], [])
+        where = str(files[0].parent)
+        self.source = source or choose_silhouettes(look(files), self.masks, where)[0]
+        if self.source == "mask" and not self.masks:
+            raise InputError("masks: none are given, and none are found beside the photographs")
+        if self.source == "mask":
+            refuse_labels(self.masks)
+
+
+def _find_masks(files: Sequence[Path], masks: Paths | None) -> tuple[list[Path], list[str]]:
+    """The mask of each photograph, or none, and what is not used."""
+    if masks is None or isinstance(masks, str | Path):
+        return find_masks(files, Path(masks) if masks is not None else None)
+    found, _ = match_masks(files, [Path(mask) for mask in masks])
+    return found, []
+
+
+def _find_files(
+    photographs: Paths, besides: Sequence[str | Path]
+) -> tuple[tuple[Path, ...], tuple[str, ...], TemporaryDirectory | None]:
+    """The photographs, what is not used beside them, and the folder of a video's pictures."""
+    one = isinstance(photographs, str | Path)
+    paths, video = [Path(path) for path in ([photographs] if one else photographs)], None
+    for path in paths:
+        if not path.exists():
+            raise InputError(f"{path}: is not there; should be a folder, photographs or a video")
+    if not paths:
+        raise InputError("photographs: none are named; should be a folder, files or a video")
+    if len(paths) == 1 and is_video(paths[0]):
+        from silmesh.intake.video import cut  # its libraries, for few
+
+        video = TemporaryDirectory()
+        paths = list(cut(paths[0], Path(video.name) / "frames"))
+    files, notes = find_photographs(paths, [Path(path) for path in besides])
+    return tuple(files), tuple(notes), video
+
+
+def _read(
+    files: tuple[Path, ...],
+    notes: tuple[str, ...],
+    video: TemporaryDirectory | None,
+    settings: Mapping[str, Any],
+    policy: str,
+    fewest: int | None,
+    progress: Share,
+) -> Photographs:
+    chosen = _check("views", settings)
+    least = None if policy == "keep" else fewest
+    made = dict(make_views(files, chosen.size, chosen.resize, least, progress))
+    views = in_order(list(made), files)
+    return Photographs(files, tuple(views), {v.view: made[v] for v in views}, notes, video)
+
+
+def _find_silhouettes(
+    photographs: Photographs,
+    seen: _Seen,
+    policy: str,
+    settings: Mapping[str, Any],
+    progress: Share,
+) -> Silhouettes:
+    views = photographs.views
+    found = find_each(
+        seen.source,
+        views,
+        photographs.images,
+        seen.masks,
+        _prepare(seen.source, settings),
+        policy != "keep",
+        lambda done: progress(done / len(views)),
+        torch.get_num_threads(),
+    )
+    return Silhouettes(found.silhouettes, found.spared, found.lost, seen.source, policy)
+
+
+def _prepare(source: str, settings: Mapping[str, Any]) -> Any:
+    """The settings of a network, whose weights are fetched if they can be; else none."""
+    if source not in Networks.model_fields:
+        return None
+    chosen = _check(source, settings)
+    if source == "matting" and chosen.model in FOREGROUND_MODELS:
+        from silmesh.silhouettes.weights import fetch_weights
+
+        fetch_weights(chosen.model)
+    return chosen
+
+
+@dataclass(frozen=True)
+class _Search:
+    """What cameras are found by."""
+
+    photographs: Photographs
+    found: Silhouettes
+    turntable: str
+    calibrate: Mapping[str, Any]
+    colmap: Mapping[str, Any]
+    progress: Share
+
+    def attempt(self, source: CameraSource) -> tuple[list[Attempt], bool]:
+        """Attempts at cameras from a source, and whether their world is normalised already."""
+        views = self.photographs.views
+        if isinstance(source, Cameras):
+            return [_attempt_own(source, views)], False
+        if str(source) not in SOURCES:
+            from silmesh.cameras.formats import attempt_from_file
+
+            located = locate(Path(str(source).removeprefix("file:")))
+            return [attempt_from_file(located.path, views)], located.kind == "softras"
+        known = parse_turntable(self.turntable)
+        if source == "turntable":
+            return [self._turn(known)], True
+        found = self._attempt_colmap() if source in ("colmap", "auto") else []
+        return [*found, *([self._calibrate(known)] if source != "colmap" else [])], False
+
+    def _turn(self, known: Any) -> Attempt:
+        from silmesh.cameras.known import attempt_turntable
+
+        if not known.complete:
+            raise InputError(
+                f"turntable {self.turntable!r}: lacks a number; should be distance,elevation,step, "
+                "for example 2.732,0,5; cameras 'calibrate' finds what is not known"
+            )
+        views = self.photographs.views
+        return attempt_turntable(views, known.distance, known.elevation, known.step)
+
+    def _calibrate(self, known: Any) -> Attempt:
+        from silmesh.cameras.calibrate import calibrate_views
+
+        return calibrate_views(
+            self.found.silhouettes,
+            self.photographs.views,
+            step=known.step,
+            elevation=known.elevation,
+            distance=known.distance,
+            above_table=_check("calibrate", self.calibrate).above_table,
+            progress=self.progress,
+        )
+
+    def _attempt_colmap(self) -> list[Attempt]:
+        from silmesh.motion import attempt_colmap  # pycolmap, for those who want it
+
+        with TemporaryDirectory() as scratch:
+            return attempt_colmap(
+                self.photographs.files,
+                self.photographs.views,
+                self.found.silhouettes,
+                _check("colmap", self.colmap),
+                torch.get_num_threads(),
+                Path(scratch),
+                self.progress,
+            )
+
+
+def _attempt_own(cameras: Cameras, views: Sequence[View]) -> Attempt:
+    """Cameras that a person has in memory, as an attempt."""
+    from silmesh.cameras.formats.matching import Rules, match
+
+    attempt = match(Path(OWN), cameras, views, Rules(working=True))
+    figures = {"file": OWN, "cameras": len(cameras), "written": WORLD_TO_CAMERA}
+    return replace(attempt, figures=figures)
+
+
+def _judge(search: _Search, source: CameraSource, fewest: int) -> Scene:
+    """The scene by one source of cameras, its doubtful views dealt with."""
+    attempts, keep_world = search.attempt(source)
+    found, shown = search.found, search.photographs
+    made = build_scene(attempts, shown.views, found.silhouettes, keep_world, found.lost)
+    straight = made.straightened
+    images = {v: straight.image(v, shown.images[v]) for v in made.scene.cameras.views}
+    whole = replace(made.scene, images=images)
+    return judge_scene(whole, found.policy, fewest, keep_world, search.progress).scene
+
+
+def _tell(progress: Callable[[str, float], None], stage: str) -> Share:
+    return lambda share: progress(stage, share)
+
+
+def _check_sections(settings: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
+    """The sections of the configuration by their names, of which each is there."""
+    for name in settings:
+        if name not in SECTIONS:
+            raise InputError(f"settings: {name!r} is no section; known are {', '.join(SECTIONS)}")
+    return {name: dict(settings.get(name, {})) for name in SECTIONS}
+
+
+def _check(section: str, values: Mapping[str, Any]) -> Any:
+    """A section of the configuration, its values checked and the others the defaults."""
+    return check(SECTIONS[section], dict(values), section)
+
+
+def _policy(source: str, quality: Mapping[str, Any]) -> tuple[str, int]:
+    """What is done with doubtful silhouettes of a source, and how many must be left."""
+    chosen = _check("quality", quality)
+    return chosen.policy_for(source), chosen.fewest

@@ -1,0 +1,32 @@
+"""Fits for as many steps as somebody asks for, by the report's procedure: how a mesh begins."""
+
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+
+import numpy as np
+import torch
+import trimesh
+
+from silmesh.cameras.camera import Cameras
+from silmesh.fitting.loop import NotFinite
+from silmesh.fitting.softras import SoftRas
+from silmesh.meshes import to_tensors
+from silmesh.settings.fit import SoftRasFit
+
+
+def trial_with(
+    settings: SoftRasFit,
+) -> Callable[[trimesh.Trimesh, Cameras, np.ndarray], Iterator[float]]:
+    """What fits a mesh at unit size to silhouettes [views, height, width] bool.
+
+    It gives the loss before each step, whatever ``iterations`` are, and ends where it cannot go on.
+    """
+
+    def trial(mesh: trimesh.Trimesh, cameras: Cameras, silhouettes: np.ndarray) -> Iterator[float]:
+        target = torch.tensor(silhouettes, dtype=torch.float32)
+        fit = SoftRas(*to_tensors(mesh), cameras, target, settings)
+        with suppress(NotFinite):
+            while True:  # for as long as it is asked
+                yield fit.step()["loss"]
+
+    return trial
