@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from silmesh.agreement import Placed, choose, find_shown, refused_or
-from silmesh.cameras.attempt import CHECK_SERIES, TRY_CALIBRATE, Attempt
+from silmesh.cameras.attempt import CHECK_SERIES, FILE, TRY_CALIBRATE, Attempt
 from silmesh.conventions import settle
 from silmesh.diagnosis import MEASURED, diagnose
 from silmesh.errors import InputError, blaming
@@ -62,7 +62,8 @@ def build_scene(
     placed = [_place(attempt, name, silhouettes_of, keep_world) for attempt, name in named]
     attempts, stood = [attempt for attempt, _ in placed], [place for _, place in placed]
     if not any(stood):
-        raise InputError(_explain(attempts, diagnose(silhouettes, views)))
+        ordered = any(attempt.source != FILE for attempt in attempts)
+        raise InputError(_explain(attempts, diagnose(silhouettes, views, ordered=ordered)))
     taken, why = choose(attempts, stood)
     attempt, best = attempts[taken], stood[taken]
     seen = best.straightened.silhouettes(silhouettes_of(best.cameras.views))

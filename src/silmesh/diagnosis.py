@@ -38,7 +38,9 @@ PAUSE, MINUTE = 5.0, 60.0  # times the usual pause between two photographs, and 
 EXIF, TAKEN = 0x8769, 36867  # the directory of EXIF in which the time stands
 
 
-def diagnose(silhouettes: np.ndarray, views: Sequence[View], coherent: bool = False) -> list[str]:
+def diagnose(
+    silhouettes: np.ndarray, views: Sequence[View], coherent: bool = False, ordered: bool = True
+) -> list[str]:
     """What is found, most telling first: sentences of what was measured and what to do.
 
     Args:
@@ -46,6 +48,7 @@ def diagnose(silhouettes: np.ndarray, views: Sequence[View], coherent: bool = Fa
         views: where the photographs lie in them
         coherent: cameras agree with them, so that only what they do not show is said: what lies
             beyond the frame of many photographs
+        ordered: cameras were sought that depend on the order of the views, as a file's do not
     """
     if coherent:
         cut = is_cut(silhouettes, [view.frame for view in views])
@@ -58,8 +61,8 @@ def diagnose(silhouettes: np.ndarray, views: Sequence[View], coherent: bool = Fa
         return found
     broken = _describe_pieces(seen, named)
     found += [*broken, *_describe_size(seen, named)]
-    if shapes or broken:  # the outlines' order shows nothing where these are not the object's
-        return found
+    if shapes or broken or not ordered:
+        return found  # the outlines' order shows nothing where these are not the object's
     return found + _describe_order(seen, named)
 
 
