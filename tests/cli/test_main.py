@@ -114,6 +114,19 @@ def test_cameras_whose_path_no_rule_can_take_are_refused(tmp_path, name):
     assert "cannot be used" in said
 
 
+@pytest.mark.parametrize("given", ["~/cameras.json", "~"])
+def test_the_home_in_a_path_of_cameras_is_the_persons(tmp_path, monkeypatch, given):
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    (tmp_path / "home").mkdir()
+    (tmp_path / "home" / "cameras.json").write_text("[]", encoding="utf-8")
+    photos = photograph(tmp_path / "photos")
+    page = tmp_path / "home" / "cameras.json"
+    output = ["-o", tmp_path / "mesh.glb", "--keep", tmp_path / "work", "--page", page]
+    status, said = call(photos, *output, "--cameras", f"file:{given}")
+    assert status == 2
+    assert f"{page}: is one of the files that are read" in said
+
+
 def photograph(folder: Path) -> Path:
     """Photographs of an ellipsoid with unequal axes on a turntable, before a plain background."""
     folder.mkdir()

@@ -160,6 +160,7 @@ JSON: tuple[tuple[Callable[[Any], bool], Unread], ...] = (
     (_is_opensfm, OPENSFM),
     (_is_splats, SPLATS),
     (_is_polycam, POLYCAM),
+    (lambda content: "sfm_data_version" in _keys(content), OPENMVG),
     (lambda content: {"views", "intrinsics", "extrinsics"} <= _keys(content), OPENMVG),
     (lambda content: {"orientation", "position", "focal_length"} <= _keys(content), NERFIES),
     (lambda content: {"poses", "K"} <= _keys(content), RECORD3D),

@@ -117,7 +117,7 @@ def make_mesh(
 def _path_of(cameras: str | None) -> Path | None:
     """The file or folder that cameras are read from, if they are."""
     _, _, path = (cameras or "").partition(":")
-    return Path(path) if path else None
+    return Path(path).expanduser() if path else None  # a shell leaves file:~ as it is
 
 
 def _list_files(cameras: str | None) -> Sequence[Path]:
@@ -279,8 +279,9 @@ def _configure(
     silhouettes: str, cameras: str, options: dict[str, Any]
 ) -> tuple[str, dict[str, str], dict[str, Any]]:
     """The name of a variant, what the object's row says, and the configuration."""
-    kind, _, path = cameras.partition(":")
-    where = f"{kind}:{usable(Path(path).absolute())}" if path else cameras
+    kind, _, _ = cameras.partition(":")
+    file = _path_of(cameras)
+    where = f"{kind}:{usable(file.absolute())}" if file else cameras
     variant = kind if kind.isidentifier() else "mesh"
     # The workflow runs in another folder.
     init = str(Path(options["init"]).absolute()) if own_file(options["init"]) else options["init"]
@@ -296,7 +297,9 @@ def _configure(
 def _as_written(said: str, cameras: str) -> str:
     """A message with the path of a file of cameras as the person wrote it."""
     kind, _, path = cameras.partition(":")
-    return said.replace(str(Path(path).absolute()), path) if kind == FILE else said
+    if kind != FILE or not path:
+        return said
+    return said.replace(str(_path_of(cameras).absolute()), path)
 
 
 def _read(work: Workspace, variant: str) -> dict[str, Any]:
