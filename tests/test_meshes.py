@@ -56,6 +56,19 @@ def test_points_alone_are_no_mesh(tmp_path):
         read_mesh(tmp_path / "points.ply")
 
 
+def test_a_glb_of_triangles_without_vertices_is_refused(tmp_path):
+    raw = trimesh.creation.box().export(file_type="glb")
+    length = int.from_bytes(raw[12:16], "little")
+    tree = json.loads(raw[20 : 20 + length])
+    place = tree["meshes"][0]["primitives"][0]["attributes"]["POSITION"]
+    tree["accessors"][place]["count"] = 0
+    changed = json.dumps(tree, separators=(",", ":")).encode().ljust(length)
+    assert len(changed) == length
+    (tmp_path / "truth.glb").write_bytes(raw[:20] + changed + raw[20 + length :])
+    with pytest.raises(InputError, match=r"truth\.glb: "):
+        read_mesh(tmp_path / "truth.glb")
+
+
 def test_a_glb_has_linear_colours_and_no_metal(tmp_path):
     mesh = trimesh.creation.box()
     colours = np.tile(np.array([[188, 0, 255]], np.uint8), (8, 1))

@@ -41,7 +41,7 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
         mesh = trimesh.load_mesh(
             BytesIO(content), file_type=kind, process=False, skip_materials=True
         )
-    if not isinstance(mesh, trimesh.Trimesh) or not len(mesh.faces):
+    if not isinstance(mesh, trimesh.Trimesh) or not (len(mesh.faces) and len(mesh.vertices)):
         raise InputError(f"{path}: holds no triangle")
     _refuse_wrong(path, mesh)
     return mesh
