@@ -72,7 +72,7 @@ def test_what_changes_nothing_reruns_nothing(project):
             *(f"{step} cup/{v}" for v in VARIANTS for step in ("colour", "picture")),
             "report report"}),
         ("shapes/place.py", "REPORT_RADIUS = 90", "REPORT_RADIUS = 91", FROM_FIRST),
-        ("scene.py", '"scale": similarity', '"size": 1, "scale": similarity', FROM_SCENE),
+        ("scene.py", '"scale": self.sim', '"size": 1, "scale": self.sim', FROM_SCENE),
         ("silhouettes/mask.py", "WIDE = 4", "WIDE = 5", FROM_SILHOUETTES),
         ("softras/cpu.py", "WINDOW = 64", "WINDOW = 32", FROM_SCENE),
         ("cli/outcome.py", "FEWEST = 8", "FEWEST = 9", set()),
