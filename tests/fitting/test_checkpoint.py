@@ -226,6 +226,7 @@ def write_scene(folder: Path, preset: str) -> list[str]:
     from PIL import Image
 
     from silmesh.cameras.camera import Similarity
+    from silmesh.scene import Scene
     from silmesh.scene import write_scene as write
 
     *_, cameras, seen = scene()
@@ -234,9 +235,9 @@ def write_scene(folder: Path, preset: str) -> list[str]:
         pixels = (silhouette[..., None].numpy() * [124, 124, 124, 255]).astype("uint8")
         Image.fromarray(pixels).save(folder / "pictures" / f"{view}.png")
     unit_sphere(162).export(folder / "first.ply")
-    pictures = {"views": folder / "pictures", "silhouettes": folder / "pictures"}
-    agreement = torch.ones(len(cameras)).numpy()
-    write(folder / "scene", cameras, Similarity.identity(), agreement, pictures, {})
+    coherence = torch.ones(len(cameras)).numpy()
+    made = Scene(cameras, Similarity.identity(), seen.numpy() > 0, coherence, {})
+    write(folder / "scene", made, folder / "pictures")
     told = {"softras": SOFTRAS, "fast": FAST}[preset].model_copy(update={"iterations": 400})
     first, made = str(folder / "first.ply"), str(folder / "scene")
     return ["--first", first, "--scene", made, "--settings", told.model_dump_json()]

@@ -134,7 +134,8 @@ def _work(reader: Reader, seed: int, numbers: Sequence[int], send: int, until: f
                 break
             os.write(send, f"{number} \0".encode())
             ending = read_input(reader, make_input(reader, seed, number), folder)
-            os.write(send, f"{number} {ending}\0".encode(errors="replace"))
+            told = ending.replace("\0", "\\0")  # which ends a message
+            os.write(send, f"{number} {told}\0".encode(errors="replace"))
         shutil.rmtree(folder, ignore_errors=True)
     finally:
         os._exit(0)

@@ -57,7 +57,7 @@ def add_stop(project, path: str, after: str, when: str = "True") -> None:
 
 def test_a_kill_in_the_middle_of_a_fit(project, finished, tmp_path):
     marker = tmp_path / "marker"
-    add_stop(project, "src/silmesh/fitting/softras.py", "        loss.backward()\n")
+    add_stop(project, "src/silmesh/fitting/softras.py", "        losses.loss.backward()\n")
     mesh = "results/cup/round/mesh.glb"
     kill_when(project.start(mesh, SILMESH_TEST_STOP=str(marker)), marker)
     assert not (project / "results/cup/round/mesh.ply").exists()
@@ -105,7 +105,7 @@ def rows_of(project) -> int:
 
 def test_a_step_ends_with_its_run_and_the_next_run_has_its_own_settings(project, tmp_path):
     marker, mesh = tmp_path / "marker", "results/cup/round/mesh.ply"
-    add_stop(project, "src/silmesh/fitting/softras.py", "        loss.backward()\n")
+    add_stop(project, "src/silmesh/fitting/softras.py", "        losses.loss.backward()\n")
     run = project.start(mesh, SILMESH_TEST_STOP=str(marker))
     wait_for_step(run, marker)
     kill_alone(run)
@@ -119,7 +119,7 @@ def test_a_step_ends_with_its_run_and_the_next_run_has_its_own_settings(project,
 
 def test_a_run_is_refused_while_a_step_of_a_killed_one_lives(project, tmp_path):
     marker, mesh = tmp_path / "marker", "results/cup/round/mesh.ply"
-    add_stop(project, "src/silmesh/fitting/softras.py", "        loss.backward()\n")
+    add_stop(project, "src/silmesh/fitting/softras.py", "        losses.loss.backward()\n")
     run = project.start(mesh, SILMESH_TEST_STOP=str(marker))
     wait_for_step(run, marker)
     others = [p.pid for p in processes(run.pid) if p.pid != run.pid]
