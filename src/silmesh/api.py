@@ -539,7 +539,7 @@ class _Search:
         if str(source) not in SOURCES:
             from silmesh.cameras.formats import attempt_from_file
 
-            located = locate(Path(str(source).removeprefix("file:")))
+            located = locate(Path(str(source).removeprefix("file:")).expanduser())
             return [attempt_from_file(located.path, views)], located.kind == "softras"
         known = parse_turntable(self.turntable)
         if source == "turntable":
