@@ -1,4 +1,4 @@
-"""Photographs to meshes: silhouettes, cameras, a first mesh, the fit, and what it came to."""
+"""Photographs to meshes: silhouettes, cameras, an initial mesh, the fit, and what it came to."""
 
 import logging
 import sys
@@ -8,18 +8,18 @@ from shlex import quote
 from snakemake.utils import min_version
 
 from silmesh.errors import InputError
-from silmesh.lock import BusyError, begin_run, end_with_parent
-from silmesh.places import try_places
-from silmesh.plan import Plan
-from silmesh.provenance import code_digest as digest_code
-from silmesh.provenance import file_digest, read_digest
+from silmesh.planning.lock import BusyError, begin_run, end_with_parent
+from silmesh.planning.places import try_places
+from silmesh.planning.plan import Plan
+from silmesh.planning.provenance import code_digest as digest_code
+from silmesh.planning.provenance import file_digest, read_digest
 from silmesh.settings.cameras import Features, Matches, Reconstruction
 from silmesh.settings.fit import SoftRasFit
 from silmesh.settings.silhouettes import FOREGROUND_MODELS, WEIGHTS
 from silmesh.settings.train import TRAINED
 from silmesh.synthetic.layout import is_promised, photograph_names, promised_files
-from silmesh.warm import start
-from silmesh.yamls import read_configuration
+from silmesh.steps.fork_server import start
+from silmesh.planning.yamls import read_configuration
 
 min_version("9.10")
 
@@ -118,7 +118,7 @@ include: "workflow/rules/scene.smk"
 include: "workflow/rules/judge.smk"
 include: "workflow/rules/truth.smk"
 include: "workflow/rules/train.smk"
-include: "workflow/rules/first.smk"
+include: "workflow/rules/initial.smk"
 include: "workflow/rules/fit.smk"
 include: "workflow/rules/colour.smk"
 include: "workflow/rules/evaluate.smk"

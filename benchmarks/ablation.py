@@ -13,15 +13,16 @@ import numpy as np
 import torch
 import trimesh
 
-from silmesh.cameras.camera import Cameras
-from silmesh.evaluation import silhouette_iou, summarise_iou
+from silmesh.evaluation.metrics import summarise_iou
 from silmesh.fitting import softras
 from silmesh.fitting.fast import Fast
 from silmesh.fitting.loop import Procedure, run
-from silmesh.hull import carve
-from silmesh.meshes import to_tensors
-from silmesh.remesh import even_length, remesh
-from silmesh.scene import SILHOUETTES, read_scene
+from silmesh.geometry.camera import Cameras
+from silmesh.geometry.mesh_files import to_tensors
+from silmesh.geometry.remeshing import even_length, remesh
+from silmesh.geometry.silhouette_iou import silhouette_iou
+from silmesh.geometry.visual_hull import carve
+from silmesh.scene.scene import SILHOUETTES, read_scene
 from silmesh.settings.fit import FastFit, FastWeights, SoftRasFit
 from silmesh.shapes.sphere import unit_sphere
 from silmesh.silhouettes import read_silhouettes

@@ -15,15 +15,15 @@ import numpy as np
 import torch
 
 from silmesh.cameras.calibrate import Calibration, calibrate
-from silmesh.cameras.camera import Cameras
 from silmesh.cameras.turntable import orbit_cameras, turntable_cameras
-from silmesh.evaluation import coherence
-from silmesh.hull import carve
+from silmesh.geometry.camera import Cameras
+from silmesh.geometry.silhouette_iou import coherence
+from silmesh.geometry.visual_hull import carve
 from silmesh.naming import natural_key
-from silmesh.scene import normalising
+from silmesh.scene.scene import normalising
 from silmesh.silhouettes import read_silhouettes
 from silmesh.softras import soft_silhouettes
-from silmesh.synthetic.make import make_object
+from silmesh.synthetic.dataset import make_object
 
 OBJECTS = ("apricot", "bear", "bottle", "plane", "pot", "tube")
 

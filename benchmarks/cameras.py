@@ -25,9 +25,9 @@ from scenery import (
 from scipy.linalg import null_space
 
 from silmesh.cameras.attempt import read_attempt
-from silmesh.cameras.camera import Cameras, read_cameras
 from silmesh.cameras.upright import azimuths
-from silmesh.scene import read_scene
+from silmesh.geometry.camera import Cameras, read_cameras
+from silmesh.scene.scene import read_scene
 from silmesh.settings.cameras import Colmap, Matches, Reconstruction
 from silmesh.steps import (
     calibrate,

@@ -20,7 +20,7 @@ import torch
 from PIL import Image
 from torch import nn
 
-from silmesh.datasets import read_datasets
+from silmesh.planning.datasets import read_datasets
 from silmesh.settings.silhouettes import DeepLab
 from silmesh.settings.train import Train
 from silmesh.silhouettes.deeplab import find_all, find_classes
@@ -29,7 +29,7 @@ from silmesh.training.backgrounds import find_backgrounds, read_backgrounds, spl
 from silmesh.training.composite import compose_upright
 from silmesh.training.cutouts import read_cutout
 from silmesh.training.depthwise import AtrousDepthwise
-from silmesh.training.loop import Training, normalise
+from silmesh.training.training_loop import Training, normalise
 from silmesh.views import write_views
 
 PAGE = 512  # side of the composites, in pixels

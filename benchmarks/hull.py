@@ -1,4 +1,4 @@
-"""How long carving takes, and the first mesh that it ends in: JSON.
+"""How long carving takes, and the initial mesh that it ends in: JSON.
 
 python benchmarks/hull.py results/moisturiser/stages/scenes/256-pad-mask-calibrate
 """
@@ -13,11 +13,11 @@ from pathlib import Path
 import torch
 
 from silmesh.geometry.overlap import mean_iou
-from silmesh.hull import carve
-from silmesh.scene import SILHOUETTES, read_scene
+from silmesh.geometry.visual_hull import carve
+from silmesh.scene.scene import SILHOUETTES, read_scene
 from silmesh.settings.init import Init
-from silmesh.shapes.first import first_mesh
-from silmesh.shapes.looks import render
+from silmesh.shapes.downsample import render
+from silmesh.shapes.initial import make_initial_mesh
 from silmesh.silhouettes import read_silhouettes
 
 REPEATS = 5
@@ -48,8 +48,8 @@ def main() -> None:
             "cpu_seconds": statistics.median(cpu),
         }
     start = time.perf_counter()
-    mesh = first_mesh(Init(shape="hull", vertices=given.vertices), silhouettes, cameras).mesh
-    result["first_mesh_seconds"] = time.perf_counter() - start
+    mesh = make_initial_mesh(Init(shape="hull", vertices=given.vertices), silhouettes, cameras).mesh
+    result["initial_mesh_seconds"] = time.perf_counter() - start
     mesh.apply_scale(0.5)
     result["iou"] = mean_iou(render(mesh, cameras, silhouettes.shape[1:]), silhouettes)
     result["faces"] = len(mesh.faces)

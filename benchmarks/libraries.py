@@ -23,8 +23,8 @@ import pycolmap
 import trimesh
 from scipy.ndimage import distance_transform_edt
 
-from silmesh.cameras.lens import PARAMETERS, Lens
-from silmesh.mesh_quality import count_intersections
+from silmesh.evaluation.mesh_quality import count_intersections
+from silmesh.geometry.lens import PARAMETERS, Lens
 
 REPEATS = 7
 LENSES = {

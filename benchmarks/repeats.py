@@ -31,7 +31,7 @@ KERNELS: dict[str, dict[str, str]] = {
 WHAT = {  # by patterns of its files in an object's results
     "silhouettes": "stages/silhouettes/*/*.png",
     "cameras": "stages/cameras/*/cameras.json",
-    "first mesh": "stages/first/*/first.ply",
+    "initial mesh": "stages/first/*/first.ply",
     "mesh": "*/mesh.ply",
 }
 COMMAND = "from silmesh.cli.main import main; main()"

@@ -13,7 +13,7 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from silmesh.cameras.camera import OBJECT_RADIUS, Cameras
+from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
 from silmesh.softras import soft_silhouettes
 from silmesh.synthetic.paints import Array, speckle
 from silmesh.synthetic.photograph import Paint, photograph

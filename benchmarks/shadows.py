@@ -20,10 +20,10 @@ import torch
 from scipy.ndimage import gaussian_filter
 
 from silmesh.cameras.turntable import orbit_cameras
-from silmesh.judging.colours import compare, contradict
+from silmesh.scene.colour_edges import compare, contradict
 from silmesh.silhouettes.shadow import find_shadow
 from silmesh.silhouettes.threshold import find_ground, separate
-from silmesh.synthetic.make import find_paint, make_object
+from silmesh.synthetic.dataset import find_paint, make_object
 from silmesh.synthetic.photograph import photograph
 
 SIZE, FINE = 256, 2  # of the pictures; rays of each pixel's side

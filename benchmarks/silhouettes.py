@@ -18,7 +18,7 @@ import torch
 from PIL import Image
 from scipy.linalg import rq
 
-from silmesh.cameras.camera import Cameras, write_cameras
+from silmesh.geometry.camera import Cameras, write_cameras
 from silmesh.geometry.overlap import iou
 from silmesh.naming import match_masks
 from silmesh.settings.silhouettes import Matting

@@ -24,8 +24,8 @@ from PIL import Image
 from scipy.spatial import KDTree
 
 from silmesh.cameras.turntable import orbit_cameras
+from silmesh.synthetic.dataset import find_paint, make_object, mesh_solid
 from silmesh.synthetic.layout import OBJECTS
-from silmesh.synthetic.make import find_paint, make_object, mesh_solid
 from silmesh.synthetic.paints import band, cover, mix, speckle, step
 from silmesh.synthetic.photograph import photograph
 from silmesh.synthetic.solids import (

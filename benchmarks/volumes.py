@@ -17,21 +17,21 @@ import torch
 import trimesh
 from scenery import read_scan, stand_upright
 
-from silmesh.cameras.camera import Cameras
 from silmesh.cameras.turntable import orbit_cameras
-from silmesh.evaluation import silhouette_iou
+from silmesh.evaluation.ground_truth import compare_to_truth
+from silmesh.evaluation.mesh_quality import measure_quality
 from silmesh.fitting.fast import Fast
 from silmesh.fitting.loop import run
-from silmesh.ground_truth import compare_to_truth
-from silmesh.hull import carve
-from silmesh.mesh_quality import measure_quality
-from silmesh.meshes import to_tensors
+from silmesh.geometry.camera import Cameras
+from silmesh.geometry.mesh_files import to_tensors
+from silmesh.geometry.silhouette_iou import silhouette_iou
+from silmesh.geometry.visual_hull import carve
 from silmesh.report.pictures import camera_of, trace
 from silmesh.settings.fit import FastFit
 from silmesh.settings.init import Init
-from silmesh.shapes.first import first_mesh
+from silmesh.shapes.initial import make_initial_mesh
+from silmesh.synthetic.dataset import make_object
 from silmesh.synthetic.layout import OBJECTS
-from silmesh.synthetic.make import make_object
 from silmesh.synthetic.orbit import DISTANCE
 
 ELEVATIONS = (10.0, 40.0)
@@ -65,7 +65,7 @@ def fit(seen: np.ndarray, cameras: Cameras, size: int) -> tuple[trimesh.Trimesh,
     """The preset with its defaults, from the hull."""
     told = FastFit()
     start = time.perf_counter()
-    first = first_mesh(Init(shape="hull"), seen, cameras).mesh
+    first = make_initial_mesh(Init(shape="hull"), seen, cameras).mesh
     made = time.perf_counter()
     silhouettes = torch.tensor(seen, dtype=torch.float32)
     procedure = Fast(*to_tensors(first), cameras, silhouettes, told)

@@ -2,7 +2,7 @@
 
 from mkdocs.structure.files import File, Files
 
-from silmesh.manual import describe_configuration
+from silmesh.planning.manual import describe_configuration
 
 CONFIGURATION = """# Configuration
 

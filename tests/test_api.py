@@ -15,7 +15,7 @@ from scenes import silhouettes, turntable
 import silmesh
 from silmesh.cli.workspace import find_snakefile
 from silmesh.errors import InputError
-from silmesh.provenance import SOURCE
+from silmesh.planning.provenance import SOURCE
 
 VIEWS, SIZE = 12, 64
 KNOWN = {"cameras": "turntable", "turntable": "2.732,10,30"}

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
-from silmesh.provenance import SOURCE
+from silmesh.planning.provenance import SOURCE
 
 COMMAND = [sys.executable, "-c", "from silmesh.cli.main import main; main(prog_name='silmesh')"]
 NOT_UTF8 = b"K\xf6nig".decode("utf-8", "surrogateescape")

@@ -15,8 +15,8 @@ from scenery import (
 from scenes import save
 
 from silmesh.cameras.attempt import read_attempt
-from silmesh.cameras.camera import read_cameras
 from silmesh.cameras.upright import azimuths
+from silmesh.geometry.camera import read_cameras
 from silmesh.steps import (
     calibrate,
     colmap,
@@ -28,7 +28,7 @@ from silmesh.steps import (
     silhouettes,
     views,
 )
-from silmesh.synthetic.make import find_paint, make_object
+from silmesh.synthetic.dataset import find_paint, make_object
 from silmesh.synthetic.orbit import photograph_cameras
 
 pytestmark = pytest.mark.slow

@@ -1,81 +1,48 @@
-"""Imports go one way: the steps stand on the stages, these on the ground floor.
+"""Imports go one way. The folders of the package are its parts, and each stands on a floor.
 
-    cli                                               the command, which starts the workflow
-    steps                                             what a rule calls
-    views  silhouettes  cameras  scene  shapes ...    stages, which do not stand on each other
-    cameras.camera  geometry  straighten  softras  hull  remesh ...  the ground floor
-    errors  files  naming  reading  thresholds  settings  what anything may import
-
-The Snakefile's modules (configuration, table, plan, digests) stand beside: no stage imports them.
+A module imports from its own folder and from the folders of lower floors, so neither upwards nor
+sideways. Modules that lie loose at the top are the lowest floor, but for the Python API.
 """
 
 import ast
 
 import pytest
 
-from silmesh.provenance import SOURCE
+from silmesh.planning.provenance import SOURCE
 
-BASE = {"errors", "files", "naming", "own_code", "progress", "reading", "settings", "thresholds"}
-GROUND = {
-    *("cameras.camera", "cameras.lens", "geometry", "softras", "hull", "remesh", "straighten"),
-    "series",
-}
-ON = {  # what a module of it stands on
-    "cameras.camera": {"cameras.lens"},
-    "hull": {"cameras.camera", "geometry"},
-    "remesh": {"geometry"},
-    "straighten": {"cameras.camera", "cameras.lens"},
-}
-STAGES = {
-    *("views", "silhouettes", "cameras", "scene", "shapes", "fitting", "evaluation", "report"),
-    *("training", "synthetic", "meshes", "progress", "colouring", "mesh_quality", "registration"),
-    *("agreement", "assemble", "ground_truth", "conventions", "diagnosis", "judging", "metrics"),
-    *("motion", "intake"),
-}
-PLANNING = {
-    *("config", "manual", "datasets", "feasible", "places", "plan", "provenance", "lock", "warm"),
-}
-PLANNING = {
-    *("config", "manual", "datasets", "feasible", "places", "plan", "provenance", "lock", "warm"),
-    "yamls",
-}
-# What a stage imports of another: the manifest of the working images, which says where each
-# photograph lies in its view; the turntable that the made-up photographs are taken on; and the
-# network that is trained. What judges attempts at cameras by the silhouettes stands on all three.
-BESIDES = {
-    "silhouettes": {"views"},
-    "cameras": {"views"},
-    "synthetic": {"cameras.turntable"},
-    "scene": {"silhouettes", "views"},
-    "judging": {"evaluation", "scene"},
-    "intake": {"views", "cameras.locate", "feasible", "silhouettes.threshold"},
-    "assemble": {"views", "cameras.attempt", "scene", "agreement", "conventions", "diagnosis"},
-    "fitting": {"meshes", "scene", "views"},
-    "metrics": {
-        "evaluation",
-        "meshes",
-        "mesh_quality",
-        "scene",
-        "views",
-        "registration",
-        "ground_truth",
-    },
-    "motion": {"views", "cameras", "agreement"},
-    "agreement": {"cameras.attempt", "scene", "evaluation"},
-    "conventions": {"cameras.attempt", "scene", "agreement"},
-    "diagnosis": {"views", "silhouettes"},
-    "training": {"views", "silhouettes.network"},
-}
+ROOT = SOURCE / "silmesh"
+LOOSE, API = "loose modules", "api"
+FLOORS = (  # from the lowest
+    {LOOSE},
+    {"settings"},
+    {"softras"},
+    {"geometry"},
+    {"silhouettes", "cameras", "shapes", "texture"},
+    {"scene", "synthetic", "training"},
+    {"fitting", "evaluation"},
+    {"report"},
+    {"planning"},
+    {"intake"},
+    {"steps", "cli", API},
+)
+MOST_LOOSE = 8  # modules at the top, so that what is new finds a room
+
+
+class _Run(ast.NodeTransformer):
+    """Take away what only a checker of types reads."""
+
+    def visit_If(self, node: ast.If) -> ast.If | list:
+        return [] if ast.unparse(node.test) == "TYPE_CHECKING" else node
 
 
 def read_imports() -> dict[str, set[str]]:
     """What each module imports, its full name; of our own names without ``silmesh.``."""
     found = {}
-    for file in (SOURCE / "silmesh").rglob("*.py"):
-        parts = file.relative_to(SOURCE / "silmesh").with_suffix("").parts
+    for file in ROOT.rglob("*.py"):
+        parts = file.relative_to(ROOT).with_suffix("").parts
         name = ".".join(part for part in parts if part != "__init__")
         found[name] = set()
-        for node in ast.walk(ast.parse(file.read_text())):
+        for node in ast.walk(_Run().visit(ast.parse(file.read_text()))):
             if isinstance(node, ast.Import):
                 found[name] |= {alias.name for alias in node.names}
             elif isinstance(node, ast.ImportFrom):
@@ -85,68 +52,66 @@ def read_imports() -> dict[str, set[str]]:
 
 
 IMPORTS = read_imports()
+FOLDERS = {path.name for path in ROOT.iterdir() if path.is_dir() and path.name != "__pycache__"}
 
 
-def within(name: str, parts: set[str]) -> bool:
-    """Whether a module, or a name in it, is one of these or lies in one."""
-    return any(f"{name}.".startswith(f"{part}.") for part in parts)
+def part_of(name: str) -> str:
+    """The part that a module, or a name in it, belongs to."""
+    first = name.partition(".")[0]
+    return first if first in FOLDERS or first == API else LOOSE
 
 
-def strays(name: str, allowed: set[str]) -> list[str]:
-    """What a module imports of ours beside what it may."""
-    ours = [t.removeprefix("silmesh.") for t in IMPORTS[name] if t.startswith("silmesh.")]
-    return [target for target in ours if not within(target, allowed)]
+def ours(name: str) -> set[str]:
+    """What a module imports of this package."""
+    return {t.removeprefix("silmesh.") for t in IMPORTS[name] if t.startswith("silmesh.")}
 
 
-def modules_of(parts: set[str], without: set[str] = frozenset()) -> list[str]:
-    return sorted(n for n in IMPORTS if within(n, parts) and not within(n, without))
+def floor_of(part: str) -> int:
+    return next(height for height, parts in enumerate(FLOORS) if part in parts)
 
 
-def test_every_module_has_its_floor():
-    assert (
-        modules_of(set(IMPORTS) - {""}, BASE | GROUND | STAGES | PLANNING | {"steps", "cli", "api"})
-        == []
-    )
+def test_every_folder_has_its_floor():
+    assert set().union(*FLOORS) == FOLDERS | {LOOSE, API}
 
 
-@pytest.mark.parametrize("name", modules_of(GROUND))
-def test_the_ground_floor_stands_on_nothing_of_ours(name):
-    on = {"softras"} if within(name, {"softras"}) else ON.get(name, set())
-    assert strays(name, BASE | on) == []
+def test_few_modules_lie_loose():
+    assert len([p for p in ROOT.glob("*.py") if p.name != "__init__.py"]) <= MOST_LOOSE
 
 
-@pytest.mark.parametrize("name", modules_of(STAGES, GROUND))
-def test_a_stage_stands_on_the_ground_floor_and_not_on_another(name):
-    stage = name.partition(".")[0]
-    assert strays(name, BASE | GROUND | {stage} | BESIDES.get(stage, set())) == []
+@pytest.mark.parametrize("name", sorted(set(IMPORTS) - {""}))
+def test_imports_run_down(name):
+    part = part_of(name)
+    others = {t for t in ours(name) if part_of(t) != part}
+    assert sorted(t for t in others if floor_of(part_of(t)) >= floor_of(part)) == []
 
 
-@pytest.mark.parametrize("name", modules_of(PLANNING))
-def test_what_the_snakefile_reads_imports_no_step(name):
-    assert strays(name, BASE | STAGES | PLANNING) == []
+def find_circle(name: str, above: tuple[str, ...] = ()) -> tuple[str, ...]:
+    """Modules that import each other in a circle, from one of them on; none without."""
+    if name in above:
+        return above[above.index(name) :]
+    for target in ours(name):
+        module = target if target in IMPORTS else target.rpartition(".")[0]
+        if module in IMPORTS and module != name and (circle := find_circle(module, (*above, name))):
+            return circle
+    return ()
 
 
-@pytest.mark.parametrize("name", modules_of({"cli"}))
-def test_the_command_imports_no_step(name):
-    assert strays(name, BASE | STAGES | PLANNING | {"cli"}) == []
-
-
-def test_the_python_api_imports_no_step_and_no_command():
-    assert strays("api", BASE | STAGES | PLANNING) == []
+def test_no_modules_import_each_other_in_a_circle():
+    assert [circle for name in IMPORTS if name if (circle := find_circle(name))] == []
 
 
 def test_nothing_imports_the_python_api():
     """It would make all of the package a part of every step's code."""
-    targets = set().union(*IMPORTS.values())
-    assert not [target for target in targets if within(target, {"silmesh.api"})]
+    assert [name for name in IMPORTS if API in {part_of(t) for t in ours(name)}] == []
 
 
 def test_nothing_imports_snakemake():
-    assert [
-        n for n, targets in IMPORTS.items() if any(within(t, {"snakemake"}) for t in targets)
-    ] == []
+    found = {n: {t.partition(".")[0] for t in targets} for n, targets in IMPORTS.items()}
+    assert [name for name, targets in found.items() if "snakemake" in targets] == []
 
 
-@pytest.mark.parametrize("name", modules_of({"settings"}))
-def test_settings_stand_on_nothing_but_errors(name):
-    assert strays(name, {"errors", "settings"}) == []
+def test_no_two_modules_share_a_name():
+    """But for steps and settings, which are named by their stage."""
+    modules = [f for f in ROOT.rglob("*.py") if f.name != "__init__.py"]
+    named = [f.stem for f in modules if f.parent.name not in {"steps", "settings"}]
+    assert sorted({name for name in named if named.count(name) > 1}) == []

@@ -19,9 +19,9 @@ from click.testing import CliRunner
 from scenes import save, silhouettes, turntable
 from surroundings import NO_FILE, NO_FOLDER, NOWHERE, PLACES, look_around, surround
 
-from silmesh.cameras.camera import write_cameras
 from silmesh.cli.main import main as silmesh
 from silmesh.errors import InputError
+from silmesh.geometry.camera import write_cameras
 from silmesh.steps.__main__ import STEPS
 from silmesh.steps.command import output_file, output_folder, output_place
 
@@ -250,16 +250,16 @@ COMMANDS = {
     "calibrate": "--views views --silhouettes silhouettes --step 60 --threads 1 --output turning",
     "scene": "--views views --silhouettes silhouettes --cameras attempt --output scene",
     "judge": '--scene scene --settings {"policy":"keep"} --threads 1 --output judged',
-    "first": '--scene judged --settings {"vertices":60,"align":"none"} --output first.ply'
+    "initial": '--scene judged --settings {"vertices":60,"align":"none"} --output first.ply'
     " --report init.json",
-    "fit": f"--first first.ply --scene judged {FIT}"
+    "fit": f"--initial first.ply --scene judged {FIT}"
     " --threads 1 --checkpoint state.pt --meshes mesh.ply --cameras fitted.json --loss loss.csv",
     "colour": "--mesh mesh.ply --cameras fitted.json --scene judged --meshes mesh.obj mesh.glb",
-    "evaluate": "--mesh mesh.ply --cameras fitted.json --loss loss.csv --scene judged --first"
+    "evaluate": "--mesh mesh.ply --cameras fitted.json --loss loss.csv --scene judged --initial"
     f" init.json {FIT} --threads 1 --results . --output metrics.json",
     "rings": "--scene judged --threads 1 --output rings.png",
     "gallery": "--views views --scene scene --judged judged --sheet sheet.png --output page.json",
-    "picture": "--mesh mesh.obj --first first.ply --cameras fitted.json --scene judged"
+    "picture": "--mesh mesh.obj --initial first.ply --cameras fitted.json --scene judged"
     f" {FIT} --output picture.png --gif turn.gif --mp4 turn.mp4 --exhibit exhibit.json",
     "figure": "--object cup --losses loss.csv --meshes mesh.ply --cameras fitted.json --scenes"
     " judged --variants a --order a --outputs figure.svg figure.png",

@@ -5,10 +5,9 @@ import pytest
 from scenes import silhouettes, turntable
 
 from silmesh.errors import InputError
-from silmesh.own_code import call, refuse_lacking
+from silmesh.own_code import call, own_file, refuse_lacking
 from silmesh.settings.init import Init
-from silmesh.settings.section import own_file
-from silmesh.shapes.first import first_mesh
+from silmesh.shapes.initial import make_initial_mesh
 
 BALL = """\
 import trimesh
@@ -46,10 +45,10 @@ def test_a_name_is_told_from_a_method_of_ours(own):
 
 
 def test_the_mesh_of_a_function_is_fitted_as_it_stands_in_the_world(own, scene):
-    first = first_mesh(Init(shape=own + "ball"), *scene)
+    first = make_initial_mesh(Init(shape=own + "ball"), *scene)
     np.testing.assert_allclose(np.linalg.norm(first.mesh.vertices, axis=1), 0.6)  # is halved
     assert first.told["shape"] == own + "ball"
-    plain = first_mesh(Init(shape=own + "ball", align="none"), *scene)
+    plain = make_initial_mesh(Init(shape=own + "ball", align="none"), *scene)
     assert np.linalg.norm(plain.mesh.vertices, axis=1).max() == pytest.approx(1)
 
 
@@ -70,7 +69,7 @@ def test_what_is_named_differs_by_what_a_stage_is_called(own):
 )
 def test_what_goes_wrong_names_the_file(own, scene, function, message):
     with pytest.raises(InputError, match=message):
-        first_mesh(Init(shape=own + function), *scene)
+        make_initial_mesh(Init(shape=own + function), *scene)
 
 
 def test_a_file_that_cannot_be_read_is_refused_before_it_is_run(tmp_path):

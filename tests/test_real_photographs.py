@@ -4,20 +4,20 @@ import numpy as np
 import pytest
 import torch
 
-from silmesh.agreement import place
 from silmesh.cameras.formats import attempt_from_file
 from silmesh.cameras.turntable import softras_cameras, turntable_cameras
-from silmesh.conventions import settle
-from silmesh.evaluation import coherence
 from silmesh.fitting.loop import run
 from silmesh.fitting.softras import SoftRas
-from silmesh.hull import carve
-from silmesh.meshes import to_tensors
+from silmesh.geometry.mesh_files import to_tensors
+from silmesh.geometry.silhouette_iou import coherence
+from silmesh.geometry.visual_hull import carve
 from silmesh.naming import match_masks
-from silmesh.scene import normalising
+from silmesh.scene.agreement import place
+from silmesh.scene.conventions import settle
+from silmesh.scene.scene import normalising
 from silmesh.settings.fit import SoftRasFit
 from silmesh.settings.init import Init
-from silmesh.shapes.first import first_mesh
+from silmesh.shapes.initial import make_initial_mesh
 from silmesh.silhouettes import read_silhouettes, write_silhouettes
 from silmesh.views import find_images, write_views
 
@@ -60,7 +60,7 @@ def losses(scene, vertices, align, iterations=1):
     cameras, seen = scene
     torch.set_num_threads(2)
     first = to_tensors(
-        first_mesh(Init(shape="sphere", vertices=vertices, align=align), seen, cameras).mesh
+        make_initial_mesh(Init(shape="sphere", vertices=vertices, align=align), seen, cameras).mesh
     )
     settings = SoftRasFit(iterations=iterations, **PRESET)
     records = run(SoftRas(*first, cameras, torch.tensor(seen, dtype=torch.float32), settings))

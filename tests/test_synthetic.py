@@ -15,8 +15,8 @@ from scipy.ndimage import binary_dilation, binary_erosion
 from silmesh.errors import InputError
 from silmesh.files import MADE, making
 from silmesh.steps import synthetic as step
+from silmesh.synthetic.dataset import find_paint, make_object, mesh_solid
 from silmesh.synthetic.layout import OBJECTS, SIZE, photograph_names, turntable_angles
-from silmesh.synthetic.make import find_paint, make_object, mesh_solid
 from silmesh.synthetic.orbit import photograph_cameras
 from silmesh.synthetic.paints import coat
 from silmesh.synthetic.photograph import photograph

@@ -14,7 +14,7 @@ Stages follow one another:
     mesh, metrics = silmesh.colour(fitted, scene), silmesh.evaluate(fitted, scene, first)
 
 World   of a scene: normalised, y up, the object in the sphere of radius 0.5 about the origin; of
-        what a fit gives: the cameras' own. Cameras are OpenCV's (``silmesh.cameras.camera``).
+        what a fit gives: the cameras' own. Cameras are OpenCV's (``silmesh.geometry.camera``).
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -28,23 +28,24 @@ import torch
 import trimesh
 from PIL import Image
 
-from silmesh import colouring, metrics
-from silmesh.assemble import build_scene
 from silmesh.cameras.attempt import FILE, WORLD_TO_CAMERA, Attempt
-from silmesh.cameras.camera import Cameras
 from silmesh.cameras.locate import locate
-from silmesh.datasets import parse_turntable
 from silmesh.errors import InputError
+from silmesh.evaluation import metrics
 from silmesh.fitting.fit import Fitted, fit_mesh
 from silmesh.fitting.loop import Record
 from silmesh.fitting.trial import trial_with
+from silmesh.geometry.camera import Cameras
+from silmesh.geometry.mesh_files import read_mesh, write_coloured
+from silmesh.geometry.thresholds import CONVINCING
 from silmesh.intake.photographs import find_masks, find_photographs, is_video
 from silmesh.intake.sources import choose_cameras, choose_silhouettes, look
-from silmesh.judging.judged import judge_scene
-from silmesh.meshes import read_mesh, write_coloured
 from silmesh.naming import match_masks
+from silmesh.planning.datasets import parse_turntable
 from silmesh.progress import Share, untold
-from silmesh.scene import Scene
+from silmesh.scene.assemble import build_scene
+from silmesh.scene.judged import judge_scene
+from silmesh.scene.scene import Scene
 from silmesh.settings.cameras import Calibrate, Colmap
 from silmesh.settings.check import check
 from silmesh.settings.fit import Fit, SoftRasFit
@@ -52,11 +53,11 @@ from silmesh.settings.init import Init
 from silmesh.settings.quality import Quality
 from silmesh.settings.silhouettes import FOREGROUND_MODELS, Networks
 from silmesh.settings.views import Views
-from silmesh.shapes.first import First, first_mesh
+from silmesh.shapes.initial import Initial, make_initial_mesh
 from silmesh.silhouettes import Found
 from silmesh.silhouettes import find_silhouettes as find_each
 from silmesh.silhouettes.mask import refuse_labels
-from silmesh.thresholds import CONVINCING
+from silmesh.texture.vertex_colours import colour_vertices
 from silmesh.views import View, in_order, make_views, stack_pictures
 
 Paths = str | Path | Sequence[str | Path]
@@ -127,7 +128,7 @@ class Reconstruction:
     silhouettes: np.ndarray
     metrics: Mapping[str, Any]
     losses: Sequence[Record]
-    initial: First
+    initial: Initial
     scene: Scene
 
     def save(self, path: str | Path) -> None:
@@ -314,7 +315,7 @@ def find_cameras(
 
 def initial_mesh(
     scene: Scene, shape: str = HULL, *, progress: Share = untold, **settings: Any
-) -> First:
+) -> Initial:
     """Make an initial mesh, at unit size: ``.mesh``, and ``.told`` of how it was made.
 
     Args:
@@ -327,7 +328,7 @@ def initial_mesh(
     Raises:
         InputError: a setting is unknown or wrong
     """
-    return first_mesh(
+    return make_initial_mesh(
         _check("init", {"shape": shape, **settings}),
         scene.silhouettes,
         scene.cameras,
@@ -338,7 +339,7 @@ def initial_mesh(
 
 
 def fit(
-    mesh: trimesh.Trimesh | First,
+    mesh: trimesh.Trimesh | Initial,
     scene: Scene,
     preset: str = "fast",
     *,
@@ -369,14 +370,14 @@ def fit(
         progress((record.iteration + 1) / chosen.iterations)
         watch(record)
 
-    whole = mesh.mesh if isinstance(mesh, First) else mesh
+    whole = mesh.mesh if isinstance(mesh, Initial) else mesh
     return fit_mesh(whole, scene, chosen, tell)
 
 
 def evaluate(
     fitted: Fitted,
     scene: Scene,
-    initial: First | None = None,
+    initial: Initial | None = None,
     truth: trimesh.Trimesh | str | Path | None = None,
 ) -> dict[str, Any]:
     """Measure a fitted mesh: the content of ``metrics.json``, described in ``docs/metrics.md``.
@@ -409,7 +410,7 @@ def evaluate(
 def colour(fitted: Fitted, scene: Scene) -> trimesh.Trimesh:
     """The fitted mesh with a colour of each vertex, sRGB, from the photographs that see it."""
     mesh, cameras = fitted.mesh, fitted.cameras
-    colours = colouring.colour_vertices(
+    colours = colour_vertices(
         mesh.vertices,
         mesh.faces,
         cameras,
@@ -572,7 +573,7 @@ class _Search:
         )
 
     def _attempt_colmap(self) -> list[Attempt]:
-        from silmesh.motion import attempt_colmap  # pycolmap, for those who want it
+        from silmesh.scene.motion import attempt_colmap  # pycolmap, for those who want it
 
         with TemporaryDirectory() as scratch:
             return attempt_colmap(

@@ -9,9 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from silmesh.errors import InputError, explain
-from silmesh.settings.section import own_file
 
 SHOULD = "should be path/to/file.py:function"
+
+
+def own_file(name: str) -> Path | None:
+    """The file of a person's own function; None if the name, of a method, is not of one."""
+    file, found, function = name.rpartition(".py:")
+    return Path(f"{file}.py") if found and function.isidentifier() else None
 
 
 def refuse_lacking(key: str, name: str) -> None:

@@ -15,16 +15,16 @@ from silmesh.cameras.calibrate import (
     attempt_calibration,
     calibrate,
 )
-from silmesh.cameras.camera import Cameras
 from silmesh.cameras.turntable import orbit_cameras
 from silmesh.errors import InputError
-from silmesh.evaluation import coherence
-from silmesh.hull import carve
+from silmesh.geometry.camera import Cameras
+from silmesh.geometry.silhouette_iou import coherence
+from silmesh.geometry.visual_hull import carve
 from silmesh.naming import match_masks
-from silmesh.scene import normalising
+from silmesh.scene.scene import normalising
 from silmesh.silhouettes import read_silhouettes, write_silhouettes
 from silmesh.softras import soft_silhouettes
-from silmesh.synthetic.make import make_object
+from silmesh.synthetic.dataset import make_object
 from silmesh.views import find_images, write_views
 
 SIZE = 128

@@ -9,8 +9,8 @@ from scenes import names, turntable
 from scipy.spatial.transform import Rotation
 
 from silmesh.cameras.colmap import attempt_model, in_order
-from silmesh.cameras.lens import Lens
 from silmesh.cameras.stages import Report
+from silmesh.geometry.lens import Lens
 from silmesh.views import place_view
 
 WIDTH, HEIGHT, SIZE, COUNT = 640, 480, 128, 12

@@ -116,7 +116,10 @@ def test_times_in_words(seconds, said):
         ("cup/mesh: fitting", "fitting"),
         ("cup: cameras from file_36f09b3b", "cameras from a file"),
         ("cup: finding cameras from silhouettes by threshold", "finding cameras from silhouettes"),
-        ("cup: making the first mesh 256-pad-mask-calibrate-keep-3-hull", "making the first mesh"),
+        (
+            "cup: making the initial mesh 256-pad-mask-calibrate-keep-3-hull",
+            "making the initial mesh",
+        ),
         ("fetching the weights of isnet, unless the cache has them",) * 2,
     ],
 )

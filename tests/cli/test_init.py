@@ -8,10 +8,10 @@ import yaml
 from PIL import Image
 
 from silmesh.cli.init import write_project
-from silmesh.datasets import read_datasets
 from silmesh.errors import InputError
-from silmesh.plan import Plan
-from silmesh.provenance import SOURCE
+from silmesh.planning.datasets import read_datasets
+from silmesh.planning.plan import Plan
+from silmesh.planning.provenance import SOURCE
 
 
 @pytest.fixture

@@ -20,10 +20,10 @@ from PIL import Image
 from scenes import silhouettes, turntable
 from surroundings import look_around, surround
 
-from silmesh.cameras.camera import write_cameras
 from silmesh.cli.main import main
+from silmesh.geometry.camera import write_cameras
 from silmesh.naming import natural_key
-from silmesh.provenance import SOURCE
+from silmesh.planning.provenance import SOURCE
 from silmesh.settings.fit import FITS
 from silmesh.settings.quality import Policy
 from silmesh.settings.silhouettes import SilhouetteSource
@@ -191,7 +191,7 @@ def test_photographs_to_a_mesh_and_on_after_an_interruption(tmp_path):
 
     (log,) = cache.rglob("logs/fit/*.log")
     assert log.read_text().startswith("# cd ")
-    assert " -m silmesh.steps.fit --first " in log.read_text().splitlines()[0]
+    assert " -m silmesh.steps.fit --initial " in log.read_text().splitlines()[0]
 
     Image.new("RGB", (64, 64), (20, 20, 20)).save(photos / "r3.png")
     status, said, told = run(tmp_path, photos, *known, "--quality", "keep", "-o", "other.stl")

@@ -12,7 +12,7 @@ from silmesh.cli.outcome import (
     refuse_suffix,
 )
 from silmesh.errors import InputError
-from silmesh.meshes import write_coloured
+from silmesh.geometry.mesh_files import write_coloured
 
 GOOD = {
     "iou_mean": 0.9924,

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 from processes import PATIENCE, processes, wait_for
 
-from silmesh.provenance import SOURCE
+from silmesh.planning.provenance import SOURCE
 
 LOADING = """
 import os, signal, sys

@@ -19,7 +19,7 @@ from silmesh.fitting.checkpoint import Checkpoint
 from silmesh.fitting.fast import Fast, State
 from silmesh.fitting.loop import run
 from silmesh.fitting.softras import SoftRas
-from silmesh.meshes import to_tensors
+from silmesh.geometry.mesh_files import to_tensors
 from silmesh.settings.fit import FastFit, FastWeights, SoftRasFit, Weights
 from silmesh.shapes.sphere import unit_sphere
 
@@ -222,12 +222,12 @@ def test_a_killed_step_is_run_again_to_the_same_files(preset, tmp_path):
 
 
 def write_scene(folder: Path, preset: str) -> list[str]:
-    """A first mesh and a scene on disk, and the arguments of a fit of some seconds."""
+    """An initial mesh and a scene on disk, and the arguments of a fit of some seconds."""
     from PIL import Image
 
-    from silmesh.cameras.camera import Similarity
-    from silmesh.scene import Scene
-    from silmesh.scene import write_scene as write
+    from silmesh.geometry.camera import Similarity
+    from silmesh.scene.scene import Scene
+    from silmesh.scene.scene import write_scene as write
 
     *_, cameras, seen = scene()
     (folder / "pictures").mkdir()
@@ -240,7 +240,7 @@ def write_scene(folder: Path, preset: str) -> list[str]:
     write(folder / "scene", made, folder / "pictures")
     told = {"softras": SOFTRAS, "fast": FAST}[preset].model_copy(update={"iterations": 400})
     first, made = str(folder / "first.ply"), str(folder / "scene")
-    return ["--first", first, "--scene", made, "--settings", told.model_dump_json()]
+    return ["--initial", first, "--scene", made, "--settings", told.model_dump_json()]
 
 
 def start(arguments: list[str], out: Path) -> subprocess.Popen:

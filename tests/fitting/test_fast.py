@@ -8,13 +8,13 @@ import trimesh
 from scenes import silhouettes, turntable
 
 from silmesh.errors import InputError
-from silmesh.evaluation import silhouette_iou
+from silmesh.evaluation.mesh_quality import count_intersections
 from silmesh.fitting import fast
-from silmesh.fitting.cameras import SHARED_SD
+from silmesh.fitting.camera_refinement import SHARED_SD
 from silmesh.fitting.fast import Fast
 from silmesh.fitting.loop import run
-from silmesh.mesh_quality import count_intersections
-from silmesh.meshes import to_tensors
+from silmesh.geometry.mesh_files import to_tensors
+from silmesh.geometry.silhouette_iou import silhouette_iou
 from silmesh.settings.fit import FastFit, FastWeights
 from silmesh.shapes.sphere import unit_sphere
 

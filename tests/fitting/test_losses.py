@@ -3,7 +3,7 @@ import pytest
 import torch
 
 from silmesh.fitting.losses import Flatten, Laplacian, edge_diamonds, iou_loss
-from silmesh.meshes import to_tensors
+from silmesh.geometry.mesh_files import to_tensors
 from silmesh.shapes.sphere import unit_sphere
 
 #     3

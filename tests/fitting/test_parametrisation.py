@@ -5,7 +5,7 @@ import torch
 
 from silmesh.errors import InputError
 from silmesh.fitting.parametrisation import OctantSigmoid
-from silmesh.meshes import to_tensors
+from silmesh.geometry.mesh_files import to_tensors
 from silmesh.shapes.sphere import unit_sphere
 
 
@@ -71,7 +71,7 @@ def test_a_coordinate_of_zero_has_a_finite_gradient():
 
 
 @pytest.mark.parametrize("reach", [2.0, -2.5, math.nan, math.inf])
-def test_a_first_mesh_outside_the_cube_is_refused(reach):
+def test_a_initial_mesh_outside_the_cube_is_refused(reach):
     template = torch.tensor([[0.0, 0, 0], [0, reach, 1], [reach, 0, 0]])
     with pytest.raises(InputError, match=r"within \(-1, 1\)") as error:
         OctantSigmoid(template)

@@ -2,7 +2,7 @@ import numpy as np
 import torch
 
 from silmesh.fitting.smooth import Smooth, UniformAdam
-from silmesh.meshes import to_tensors
+from silmesh.geometry.mesh_files import to_tensors
 from silmesh.shapes.sphere import unit_sphere
 
 

@@ -10,7 +10,7 @@ from silmesh.errors import InputError
 from silmesh.fitting.loop import Record, run
 from silmesh.fitting.losses import Flatten
 from silmesh.fitting.softras import SoftRas
-from silmesh.meshes import to_tensors
+from silmesh.geometry.mesh_files import to_tensors
 from silmesh.settings.fit import SoftRasFit
 from silmesh.shapes.sphere import unit_sphere
 from silmesh.softras import reference
@@ -123,7 +123,7 @@ def test_fits_are_bitwise_the_same_for_any_number_of_threads(verts):
     assert len(seen) == 1
 
 
-def test_a_first_mesh_outside_the_cube_is_refused():
+def test_a_initial_mesh_outside_the_cube_is_refused():
     template, *others = scene(40, 16, 2)
     with pytest.raises(InputError, match=r"within \(-1, 1\)"):
         fit(template * 3, *others, settings(1))

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from silmesh.evaluation.mesh_quality import count_intersections
 from silmesh.fitting.untangle import untangle
-from silmesh.mesh_quality import count_intersections
 from silmesh.shapes.sphere import unit_sphere
 
 GAP = 0.01

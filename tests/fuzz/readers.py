@@ -24,19 +24,19 @@ from scipy.io import savemat
 from shots import NAMES, cameras, views
 
 from silmesh.cameras import formats
-from silmesh.cameras.camera import write_cameras
-from silmesh.cameras.lens import Lens
-from silmesh.config import parse_config
-from silmesh.datasets import read_datasets
 from silmesh.errors import InputError
 from silmesh.fitting.checkpoint import Checkpoint
+from silmesh.geometry.camera import write_cameras
+from silmesh.geometry.lens import Lens
+from silmesh.geometry.mesh_files import read_mesh, refuse_flat, to_tensors
 from silmesh.intake.video import cut
-from silmesh.meshes import read_mesh, refuse_flat, to_tensors
+from silmesh.planning.config import parse_config
+from silmesh.planning.datasets import read_datasets
+from silmesh.planning.yamls import read_configuration
 from silmesh.report.tables import read_published
 from silmesh.silhouettes.network import Weights as NetworkWeights
 from silmesh.silhouettes.network import build_network, load_weights, write_weights
 from silmesh.views import count_frames, read_image, read_photographs
-from silmesh.yamls import read_configuration
 
 GIVEN, VIEWS = cameras(), views()
 P = GIVEN.projections.numpy()
@@ -66,7 +66,7 @@ class Reader:
 def _colmap_text(folder: Path) -> None:
     lenses = [None, Lens("RADIAL", (0.1, -0.02)), Lens("FOV", (0.5,)), None]
     images = {name: f"{name}.jpg" for name in NAMES}
-    formats.colmap.write(folder / "model", replace(GIVEN, lenses=tuple(lenses)), images)
+    formats.colmap_model.write(folder / "model", replace(GIVEN, lenses=tuple(lenses)), images)
 
 
 def _colmap_binary(folder: Path) -> None:

@@ -85,7 +85,7 @@ def test_what_is_cut_out(tmp_path):
 
 def test_without_the_foreground_model_what_to_install_is_said(monkeypatch):
     seen = Look(noise=30.0, change=20.0, cut_out=False)
-    monkeypatch.setattr("silmesh.feasible.find_spec", lambda name: None)
+    monkeypatch.setattr("silmesh.planning.feasible.find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"photos: the background is not plain: .* by 30 of 255"):
         choose_silhouettes(seen, [], "photos")
 

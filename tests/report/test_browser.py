@@ -135,7 +135,7 @@ def test_variants_are_swapped_in_the_view_and_over_the_photographs(window):
     before = canvas.screenshot()
     left, right = section.locator(".viewer select").all()
     left.select_option(label="plain, fitted")
-    right.select_option(label="plain, first mesh")
+    right.select_option(label="plain, initial mesh")
     wait_for(section, "0 fitted | 0 first")
     assert canvas.screenshot() != before
     assert section.locator(".status").inner_text().startswith("plain, fitted mesh: 48 triangles")

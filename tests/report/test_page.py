@@ -225,12 +225,12 @@ def test_the_views_to_doubt_are_named(page):
     assert "The views to doubt first: r5, r&lt;10&gt;." in page
 
 
-def test_the_first_meshes_scores_and_warnings_are_told(page):
-    assert page.count("Why the first mesh of") == 1
-    assert "Why the first mesh of pot, plain, is the cube" in page
+def test_the_initial_meshes_scores_and_warnings_are_told(page):
+    assert page.count("Why the initial mesh of") == 1
+    assert "Why the initial mesh of pot, plain, is the cube" in page
     assert re.search(r"cube</th><td>0.3100</td><td>0.0123", page)
     assert re.search(r"hull</th><td>0.2000</td><td>0.0204", page)
-    assert "First mesh: the frame cuts the object in r&lt;35&gt;." in page
+    assert "Initial mesh: the frame cuts the object in r&lt;35&gt;." in page
 
 
 def test_names_and_values_are_escaped(parts):

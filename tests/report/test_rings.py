@@ -5,8 +5,8 @@ import pytest
 import torch
 import trimesh
 
-from silmesh.cameras.camera import Cameras
 from silmesh.cameras.turntable import orbit_cameras, turntable_cameras
+from silmesh.geometry.camera import Cameras
 from silmesh.report.rings import (
     FIRST,
     LISTED,

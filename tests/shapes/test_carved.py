@@ -4,9 +4,9 @@ import trimesh
 from scenes import dome, silhouettes, turntable
 
 from silmesh.geometry.overlap import mean_iou
-from silmesh.hull import Hull
+from silmesh.geometry.visual_hull import Hull
 from silmesh.shapes.carved import EmptyHull, choose_tolerated, draw, hull_mesh, prism_mesh
-from silmesh.shapes.looks import render
+from silmesh.shapes.downsample import render
 
 SIZE = 96
 PIXEL = 2.732 * np.tan(np.radians(15)) * 2 / SIZE  # a pixel's size at the origin

@@ -4,7 +4,7 @@ import trimesh
 from scenes import dome, turntable
 
 from silmesh.geometry.overlap import mean_iou
-from silmesh.shapes.looks import render
+from silmesh.shapes.downsample import render
 from silmesh.shapes.primitives import (
     PRIMITIVES,
     placed_primitive,

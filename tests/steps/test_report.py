@@ -9,9 +9,9 @@ import torch
 import trimesh
 from PIL import Image
 
-from silmesh.cameras.camera import Similarity, write_cameras
 from silmesh.cameras.turntable import turntable_cameras
-from silmesh.scene import Scene, write_scene
+from silmesh.geometry.camera import Similarity, write_cameras
+from silmesh.scene.scene import Scene, write_scene
 from silmesh.silhouettes import encode
 from silmesh.softras import soft_silhouettes
 from silmesh.steps import figure, gallery, picture, report, rings
@@ -79,7 +79,7 @@ def test_tables_figure_pictures_and_page_from_results(results):
     for run in RUNS:
         picture.main(
             f"--mesh {results}/{run}/mesh.ply --cameras {results}/{run}/cameras.json"
-            f" --first {results}/box-1/stages/first/first.ply --scene {results}/{JUDGED}"
+            f" --initial {results}/box-1/stages/first/first.ply --scene {results}/{JUDGED}"
             f" --output {made}/pictures/{run}.png --gif {made}/turntables/{run}.gif"
             f" --mp4 {made}/turntables/{run}.mp4 --exhibit {made}/exhibits/{run}.json".split()
         )

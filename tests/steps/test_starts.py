@@ -36,7 +36,7 @@ def modules_after(code: str) -> set[str]:
         ("calibrate", DRAWING | COMPILER | {"trimesh", "igl"}),
         ("scene", DRAWING | COMPILER | {"trimesh", "igl"}),
         ("judge", DRAWING | COMPILER | {"trimesh", "igl"}),
-        ("first", DRAWING | COMPILER | {"igl"}),
+        ("initial", DRAWING | COMPILER | {"igl"}),
         ("fit", DRAWING | COMPILER | {"igl"}),
         ("evaluate", DRAWING | COMPILER | {"igl"}),
         ("colour", DRAWING | COMPILER | {"igl", "numba"}),

@@ -14,16 +14,16 @@ from PIL import Image
 from scenes import behind_lenses, save, silhouettes, turntable
 
 from silmesh.cameras.attempt import Attempt, read_attempt, write_attempt
-from silmesh.cameras.camera import Similarity, read_cameras, write_cameras
-from silmesh.cameras.lens import Lens
 from silmesh.cameras.turntable import turntable_cameras
 from silmesh.errors import InputError
 from silmesh.files import replacing
-from silmesh.meshes import read_mesh
+from silmesh.geometry.camera import Similarity, read_cameras, write_cameras
+from silmesh.geometry.lens import Lens
+from silmesh.geometry.mesh_files import read_mesh
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps import calibrate as calibrate_step
 from silmesh.steps import cameras as cameras_step
-from silmesh.steps import colour, evaluate, first, fit, gallery, judge, scene, truth, views
+from silmesh.steps import colour, evaluate, fit, gallery, initial, judge, scene, truth, views
 from silmesh.steps import silhouettes as silhouettes_step
 from silmesh.steps.command import run
 
@@ -106,7 +106,7 @@ def results(tmp_path_factory):
         output=out / "gallery.json",
     )
     call(
-        first,
+        initial,
         scene=out / "scene",
         settings={"shape": "sphere", "vertices": 162, "align": "none"},
         output=out / "first.ply",
@@ -115,7 +115,7 @@ def results(tmp_path_factory):
     variant = out / "object" / "variant"
     call(
         fit,
-        first=out / "first.ply",
+        initial=out / "first.ply",
         scene=out / "scene",
         settings=SETTINGS,
         threads=1,
@@ -136,7 +136,7 @@ def results(tmp_path_factory):
         cameras=variant / "cameras.json",
         loss=variant / "loss.csv",
         scene=out / "scene",
-        first=out / "init.json",
+        initial=out / "init.json",
         truth=root / "truth.ply",
         settings=SETTINGS,
         threads=1,
@@ -169,7 +169,7 @@ def test_the_scene_says_where_the_photographs_lie_in_their_images(results):
     assert told["frame"] == [0, 4, SIZE, 28]  # 64x48 in 32x32
 
 
-def test_the_first_mesh_is_the_unit_sphere(results):
+def test_the_initial_mesh_is_the_unit_sphere(results):
     mesh = trimesh.load_mesh(results / "first.ply", process=False)
     assert len(mesh.vertices) == 162
     np.testing.assert_allclose(np.linalg.norm(mesh.vertices, axis=1), 1, atol=1e-6)
@@ -232,7 +232,7 @@ def test_silhouettes_may_lie_outside_the_results(results, tmp_path):
         loss=variant / "loss.csv",
         settings=SETTINGS,
         scene=results / "scene",
-        first=results / "init.json",
+        initial=results / "init.json",
         results=results / "object",
         output=tmp_path / "metrics.json",
     )
@@ -250,7 +250,7 @@ def test_a_mesh_of_estimated_cameras_is_aligned_with_its_truth(results, tmp_path
     argv = ["--mesh", variant / "mesh.ply", "--cameras", variant / "cameras.json", "--align"]
     argv += ["--loss", variant / "loss.csv", "--settings", json.dumps(SETTINGS)]
     argv += ["--results", results]
-    argv += ["--scene", results / "scene", "--first", results / "init.json"]
+    argv += ["--scene", results / "scene", "--initial", results / "init.json"]
     argv += ["--truth", tmp_path / "truth.ply"]
     evaluate.main([*map(str, argv), "--output", str(tmp_path / "metrics.json")])
     metrics = json.loads((tmp_path / "metrics.json").read_text())
@@ -576,7 +576,7 @@ def fit_weighed(results, folder, settings, weights=None, without=()):
     outputs = {"meshes": folder / "m.ply", "cameras": folder / "c.json", "loss": folder / "l.csv"}
     told = settings | {"iterations": 6, "holdout": 0}
     told |= {"batch": 0} if told["preset"] == "fast" else {}
-    call(fit, first=results / "first.ply", scene=folder, settings=told, threads=1, **outputs)
+    call(fit, initial=results / "first.ply", scene=folder, settings=told, threads=1, **outputs)
     return read_mesh(folder / "m.ply").vertices
 
 
@@ -619,7 +619,7 @@ def test_a_gpu_that_is_not_there_is_an_input_error(results, tmp_path):
     with pytest.raises(InputError, match="no GPU"):
         call(
             fit,
-            first=results / "first.ply",
+            initial=results / "first.ply",
             scene=results / "scene",
             settings=SETTINGS | {"device": "cuda"},
             meshes=[tmp_path / "m.ply"],

@@ -28,7 +28,7 @@ KILLS = int(os.environ.get("SILMESH_KILLS", "4"))
 SEED = int(os.environ.get("SILMESH_SEED", "14"))
 ROUND = 5  # kills between two runs that are left alone
 MESH = "results/cup/round/mesh.ply"
-RULES = ("views", "silhouettes", "cameras", "scene", "first", "fit")
+RULES = ("views", "silhouettes", "cameras", "scene", "initial", "fit")
 ITERATIONS = (3, 60)  # a killed run has the one or the other
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGKILL)
 VICTIMS = ("run", "worker", "fork", "forking process", "group")
@@ -53,7 +53,7 @@ def stages(expected: dict[str, str]) -> list[str]:
 def find(victim: str, run: subprocess.Popen) -> list[Process]:
     """The processes of a run that are of this kind."""
     there = processes(run.pid)
-    warm = [p.pid for p in there if "silmesh.warm" in p.words and p.parent == run.pid]
+    warm = [p.pid for p in there if "silmesh.steps.fork_server" in p.words and p.parent == run.pid]
     return {
         "run": [p for p in there if p.pid == run.pid],
         "group": [p for p in there if p.pid == run.pid],

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from silmesh.judging.table import read_table
+from silmesh.scene.quality_table import read_table
 
 pytestmark = pytest.mark.slow
 

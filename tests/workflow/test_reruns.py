@@ -14,7 +14,7 @@ pytestmark = pytest.mark.slow
 VARIANTS = ("round", "boxed")
 SCENE = "cup/32-pad-mask-turntable"
 JUDGED = f"{SCENE}-keep-3"
-FIRST = {"round": f"first {JUDGED}-sphere-60-none", "boxed": f"first {JUDGED}-sphere-60-bbox"}
+FIRST = {"round": f"initial {JUDGED}-sphere-60-none", "boxed": f"first {JUDGED}-sphere-60-bbox"}
 REPORT = {"figure cup", "report report"}
 
 
@@ -68,11 +68,11 @@ def test_what_changes_nothing_reruns_nothing(project):
     ("path", "old", "new", "expected"),
     [
         ("fitting/losses.py", "EPS = 1e-6", "EPS = 2e-6", FROM_FIRST),
-        ("colouring.py", "SQUARE = 3", "SQUARE = 2", {
+        ("texture/vertex_colours.py", "SQUARE = 3", "SQUARE = 2", {
             *(f"{step} cup/{v}" for v in VARIANTS for step in ("colour", "picture")),
             "report report"}),
-        ("shapes/place.py", "REPORT_RADIUS = 90", "REPORT_RADIUS = 91", FROM_FIRST),
-        ("scene.py", '"scale": self.sim', '"size": 1, "scale": self.sim', FROM_SCENE),
+        ("shapes/alignment.py", "REPORT_RADIUS = 90", "REPORT_RADIUS = 91", FROM_FIRST),
+        ("scene/scene.py", '"scale": self.sim', '"size": 1, "scale": self.sim', FROM_SCENE),
         ("silhouettes/mask.py", "WIDE = 4", "WIDE = 5", FROM_SILHOUETTES),
         ("softras/cpu.py", "WINDOW = 64", "WINDOW = 32", FROM_SCENE),
         ("cli/outcome.py", "FEWEST = 8", "FEWEST = 9", set()),
@@ -218,7 +218,7 @@ def test_a_variant_of_other_silhouettes(project):
         f"rings {scene}",
         f"judge {scene}-drop-3",
         f"gallery {scene}-drop-3",
-        f"first {scene}-drop-3-sphere-60-bbox",
+        f"initial {scene}-drop-3-sphere-60-bbox",
         *from_fit("plain"),
     }
 
@@ -233,7 +233,7 @@ def test_cameras_found_from_silhouettes(project):
         f"rings {scene}",
         f"judge {scene}-keep-3",
         f"gallery {scene}-keep-3",
-        f"first {scene}-keep-3-sphere-60-bbox",
+        f"initial {scene}-keep-3-sphere-60-bbox",
         *from_fit("found"),
     }
     assert project.outdated() == from_calibrate
@@ -257,7 +257,7 @@ def test_cameras_found_by_colmap_or_from_silhouettes(project):
         f"rings {scene}",
         f"judge {scene}-keep-3",
         f"gallery {scene}-keep-3",
-        f"first {scene}-keep-3-sphere-60-bbox",
+        f"initial {scene}-keep-3-sphere-60-bbox",
         *from_fit("found"),
     }
 

@@ -79,11 +79,11 @@ def with_stage(stage):
 with_views, with_features, with_matches, with_model = map(
     with_stage, ("views", "features", "matches", "model")
 )
-with_scene, with_judged, with_first = map(with_stage, ("scene", "judged", "first"))
+with_scene, with_judged, with_initial = map(with_stage, ("scene", "judged", "initial"))
 
 
 def judge_threads(wildcards):
-    """One where nothing waits for it, so that it runs beside the first mesh."""
+    """One where nothing waits for it, so that it runs beside the initial mesh."""
     return 1 if with_judged(wildcards).policy == "keep" else 2
 
 
@@ -174,8 +174,8 @@ def unmasked_attempt(wildcards):
 
 
 def trial_settings(wildcards):
-    """The argument that tells the fits by which a first mesh is chosen, if it is: the report's."""
-    chosen = with_first(wildcards).settings.init.shape == "auto"
+    """The argument that tells the fits by which an initial mesh is chosen, if it is: the report's."""
+    chosen = with_initial(wildcards).settings.init.shape == "auto"
     return f"--trial {quote(settings(SoftRasFit()))}" if chosen else ""
 
 
@@ -184,16 +184,16 @@ def fitted_scene(run):
     return run.folder("scene" if run.policy == "keep" else "judged")
 
 
-def first_threads(wildcards):
+def initial_threads(wildcards):
     """Two where meshes are tried by fits; carving one leaves the other core to the judging."""
-    return 2 if with_first(wildcards).settings.init.shape == "auto" else 1
+    return 2 if with_initial(wildcards).settings.init.shape == "auto" else 1
 
 
 def fit_inputs(wildcards):
     """The stages that a fit stands on."""
     run = plan.run(wildcards.object, wildcards.variant)
     return {
-        "first": f"{run.folder('first')}/first.ply",
+        "initial": f"{run.folder('initial')}/first.ply",
         "scene": fitted_scene(run),
     }
 
@@ -209,7 +209,7 @@ def evaluate_inputs(wildcards):
     truth = run.dataset.truth
     return {
         "scene": run.folder("judged"),
-        "first": f"{run.folder('first')}/init.json",
+        "initial": f"{run.folder('initial')}/init.json",
         "truth": f"results/{wildcards.object}/stages/truth.ply" if truth else [],
     }
 
@@ -316,7 +316,7 @@ def stages_of(run):
         "cameras": f"cameras/{object_}-{run.cameras_keys[-1]}",
         "scene": f"scene/{object_}-{run.scene_key}",
         "judging": f"judge/{object_}-{run.judged_key}",
-        "first mesh": f"first/{object_}-{run.first_key}",
+        "initial mesh": f"first/{object_}-{run.initial_key}",
         "fit": f"fit/{object_}-{run.variant}",
         "colours": f"colour/{object_}-{run.variant}",
         "metrics": f"evaluate/{object_}-{run.variant}",

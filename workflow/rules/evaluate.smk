@@ -23,6 +23,6 @@ rule evaluate:
         "{wildcards.object}/{wildcards.variant}: evaluating"
     shell:
         "python -m silmesh.steps evaluate --mesh {input.mesh:q} --cameras {input.cameras:q}"
-        " --loss {input.loss:q} --scene {input.scene:q} --first {input.first:q}"
+        " --loss {input.loss:q} --scene {input.scene:q} --initial {input.initial:q}"
         " {params.truth} --settings {params.settings:q}"
         " --threads {threads} --output {output:q} 2> {log:q}"

@@ -1,4 +1,4 @@
-# requires  a first mesh and the scene
+# requires  an initial mesh and the scene
 # makes     the fitted mesh, its cameras and its losses
 # runs      silmesh.steps.fit
 
@@ -22,7 +22,7 @@ rule fit:
     message:
         "{wildcards.object}/{wildcards.variant}: fitting"
     shell:
-        "python -m silmesh.steps fit --first {input.first:q}"
+        "python -m silmesh.steps fit --initial {input.initial:q}"
         " --scene {input.scene:q} --settings {params.settings:q}"
         " --threads {threads} --name {wildcards.object}/{wildcards.variant}"
         " --meshes {output.mesh:q} --cameras {output.cameras:q} --loss {output.loss:q}"

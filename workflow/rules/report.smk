@@ -42,7 +42,7 @@ rule picture:
     input:
         mesh="results/{object}/{variant}/mesh.obj",
         cameras="results/{object}/{variant}/cameras.json",
-        first=lambda w: fit_inputs(w)["first"],
+        initial=lambda w: fit_inputs(w)["initial"],
         scene=lambda w: fit_inputs(w)["scene"],
     output:
         picture=report(
@@ -75,7 +75,7 @@ rule picture:
     message:
         "{wildcards.object}/{wildcards.variant}: drawing the mesh beside its photographs"
     shell:
-        "python -m silmesh.steps picture --mesh {input.mesh:q} --first {input.first:q}"
+        "python -m silmesh.steps picture --mesh {input.mesh:q} --initial {input.initial:q}"
         " --cameras {input.cameras:q} --scene {input.scene:q}"
         " --settings {params.settings:q}"
         " --output {output.picture:q} --gif {output.gif:q} --mp4 {output.mp4:q}"

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from silmesh.cameras.camera import Cameras, read_cameras, write_cameras
 from silmesh.files import making
+from silmesh.geometry.camera import Cameras, read_cameras, write_cameras
 
 CAMERAS, REPORT = "cameras.json", "report.json"
 FILE = "file"  # the source of cameras that were read, as their attempts name it

@@ -1,8 +1,8 @@
 """Cameras of a turntable whose geometry is unknown, from silhouettes alone.
 
-The measure and the model are those of ``silmesh.cameras.turning``: least squares over residuals
-that are smooth enough for it, which also says how well the data fix each parameter. Coarse to fine,
-from several starts, in both directions of turning.
+The measure and the model are those of ``silmesh.cameras.turntable_residuals``: least squares over
+residuals that are smooth enough for it, which also says how well the data fix each parameter. It
+goes from coarse to fine, from several starts, in both directions of turning.
 """
 
 import math
@@ -15,9 +15,8 @@ import torch
 from scipy.optimize import OptimizeResult
 
 from silmesh.cameras.attempt import CHECK_SERIES, Attempt
-from silmesh.cameras.camera import Cameras
-from silmesh.cameras.tangency import Misses, distance_between, trace
-from silmesh.cameras.turning import (
+from silmesh.cameras.silhouette_coherence import Misses, distance_between, trace
+from silmesh.cameras.turntable_residuals import (
     ELEVATION,
     INDEPENDENT,
     NAMES,
@@ -28,6 +27,7 @@ from silmesh.cameras.turning import (
     mirrored,
 )
 from silmesh.errors import NAMED, InputError, name_some
+from silmesh.geometry.camera import Cameras
 from silmesh.progress import Share, untold, within
 from silmesh.views import View
 

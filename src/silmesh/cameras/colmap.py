@@ -13,12 +13,12 @@ import torch
 from torch import Tensor
 
 from silmesh.cameras.attempt import TRY_CALIBRATE, Attempt
-from silmesh.cameras.camera import Cameras
 from silmesh.cameras.features import POOR
-from silmesh.cameras.lens import Lens, lens_of
 from silmesh.cameras.stages import Report
 from silmesh.cameras.upright import azimuths, find_up, turn_upright
 from silmesh.errors import InputError, blaming, name_some
+from silmesh.geometry.camera import Cameras
+from silmesh.geometry.lens import Lens, lens_of
 from silmesh.views import View
 
 REGISTERED = 0.5  # of the views, below which the attempt is refused

@@ -15,8 +15,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from silmesh.cameras.camera import OBJECT_RADIUS, Cameras
 from silmesh.errors import InputError, blaming
+from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
 from silmesh.reading import open_array
 
 FARTHEST = 1_000_000  # units or degrees that mean anything

@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from silmesh.cli.workspace import CONFIG, TABLE, find_snakefile, to_name, to_table, write_text
-from silmesh.datasets import usable
 from silmesh.errors import InputError
 from silmesh.files import try_file
 from silmesh.intake.photographs import (
@@ -16,11 +15,12 @@ from silmesh.intake.photographs import (
 )
 from silmesh.intake.sources import choose_cameras, choose_silhouettes, look
 from silmesh.naming import quote
+from silmesh.planning.datasets import usable
 
 SNAKEFILE = """\
 # The workflow of the silmesh that is installed, on the table and the configuration beside this.
 from silmesh.cli.workspace import find_snakefile
-from silmesh.yamls import main as refuse_wrong
+from silmesh.planning.yamls import main as refuse_wrong
 
 refuse_wrong(["--configfile", "config.yaml"])
 

@@ -114,7 +114,7 @@ def main() -> None:
     "for a step of 5 degrees.",
 )
 @click.option("--size", default=256, show_default=True, help="Pixels of the working images.")
-@click.option("--init", default="hull", show_default=True, help="First mesh: its shape.")
+@click.option("--init", default="hull", show_default=True, help="Initial mesh: its shape.")
 @click.option(
     "--preset",
     type=click.Choice(["fast", "softras"]),

@@ -20,10 +20,9 @@ from silmesh.cli.outcome import (
 )
 from silmesh.cli.runner import RunError, Runner
 from silmesh.cli.workspace import Workspace, claim, place_of, try_workspace
-from silmesh.datasets import usable
-from silmesh.diagnosis import MEASURED, describe_masks
 from silmesh.errors import InputError
 from silmesh.files import try_file
+from silmesh.geometry.thresholds import CONVINCING
 from silmesh.intake.photographs import (
     describe_count,
     find_cameras,
@@ -34,10 +33,11 @@ from silmesh.intake.photographs import (
     is_video,
 )
 from silmesh.intake.sources import choose_cameras, choose_silhouettes, look
-from silmesh.settings.section import own_file
+from silmesh.own_code import own_file
+from silmesh.planning.datasets import usable
+from silmesh.scene.diagnosis import MEASURED, describe_masks
 from silmesh.silhouettes.mask import refuse_labels
 from silmesh.silhouettes.weights import CACHE
-from silmesh.thresholds import CONVINCING
 
 VIDEO = "video"  # folder of what a video is cut into; no masks lie beside it
 OTHER_KEEP = "--keep should name another folder"

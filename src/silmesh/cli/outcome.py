@@ -9,8 +9,8 @@ from typing import Any
 
 from silmesh.errors import NAMED, InputError, name_some
 from silmesh.files import replacing
+from silmesh.geometry.thresholds import COHERENT
 from silmesh.naming import quote
-from silmesh.thresholds import COHERENT
 
 SUFFIXES = (".glb", ".obj", ".ply", ".stl")
 MEAN, WORST = 0.95, 0.85  # IoU below which the fit and a view are doubted

@@ -23,7 +23,7 @@ from silmesh.cli.bar import Bar, shorten
 from silmesh.cli.workspace import CONFIG, find_snakefile
 from silmesh.errors import InputError
 from silmesh.files import try_inside
-from silmesh.lock import LIFELINE, make_lifeline, name_lifeline
+from silmesh.planning.lock import LIFELINE, make_lifeline, name_lifeline
 from silmesh.progress import EVERY
 from silmesh.silhouettes.weights import CACHE, cache_folder, user_cache
 

@@ -20,15 +20,15 @@ from typing import Any
 
 import yaml
 
-from silmesh.datasets import COLUMNS, RESERVED, UNPRINTABLE
 from silmesh.errors import InputError
 from silmesh.files import PART, replacing, try_inside
 from silmesh.intake.photographs import is_video
-from silmesh.lock import COMMAND, hold
 from silmesh.naming import SUFFIXES, name_views, natural_key
-from silmesh.places import WRITTEN, try_places
-from silmesh.plan import Plan
-from silmesh.provenance import SOURCE
+from silmesh.planning.datasets import COLUMNS, RESERVED, UNPRINTABLE
+from silmesh.planning.lock import COMMAND, hold
+from silmesh.planning.places import WRITTEN, try_places
+from silmesh.planning.plan import Plan
+from silmesh.planning.provenance import SOURCE
 from silmesh.settings.section import NAME
 from silmesh.silhouettes.weights import cache_folder
 

@@ -11,9 +11,9 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from silmesh.cameras.camera import Cameras
 from silmesh.errors import InputError
 from silmesh.files import remove, replacing
+from silmesh.geometry.camera import Cameras
 
 EVERY = 5.0  # seconds between writes
 

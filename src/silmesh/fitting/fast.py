@@ -15,15 +15,15 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from silmesh.cameras.camera import FIRST_SCALE, Cameras
-from silmesh.fitting.cameras import Refinement, RefinementAdam
-from silmesh.fitting.levels import Level, levels_of
+from silmesh.fitting.camera_refinement import Refinement, RefinementAdam
+from silmesh.fitting.image_pyramid import Level, levels_of
 from silmesh.fitting.loop import refuse_not_finite
 from silmesh.fitting.losses import Objective
-from silmesh.fitting.place import place
+from silmesh.fitting.placement import place
 from silmesh.fitting.smooth import Smooth, UniformAdam
 from silmesh.fitting.untangle import untangle
-from silmesh.remesh import even_length, remesh
+from silmesh.geometry.camera import FIRST_SCALE, Cameras
+from silmesh.geometry.remeshing import even_length, remesh
 from silmesh.settings.fit import FastFit
 from silmesh.softras import soft_silhouettes
 
@@ -79,7 +79,7 @@ class Fast:
     """Deform a mesh until its silhouettes match the given ones.
 
     Args:
-        template: [verts, 3] float32, a first mesh at unit size (it is halved)
+        template: [verts, 3] float32, an initial mesh at unit size (it is halved)
         faces: [faces, 3] int64, closed
         cameras: of the views, in the normalised world
         silhouettes: [views, height, width] float32, 0 or 1

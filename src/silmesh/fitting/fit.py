@@ -1,4 +1,4 @@
-"""A whole fit: from a first mesh and a scene to the mesh, its cameras and its losses."""
+"""A whole fit: from an initial mesh and a scene to the mesh, its cameras and its losses."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -9,14 +9,14 @@ import torch
 import trimesh
 from torch import Tensor
 
-from silmesh.cameras.camera import Cameras
 from silmesh.errors import InputError
 from silmesh.fitting.checkpoint import Checkpoint
 from silmesh.fitting.loop import Record
 from silmesh.fitting.loop import run as run_fit
 from silmesh.fitting.presets import find_procedure
-from silmesh.meshes import to_tensors
-from silmesh.scene import Scene
+from silmesh.geometry.camera import Cameras
+from silmesh.geometry.mesh_files import to_tensors
+from silmesh.scene.scene import Scene
 from silmesh.settings.fit import Fit
 from silmesh.views import held_out
 

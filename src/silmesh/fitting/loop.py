@@ -9,9 +9,9 @@ from typing import Protocol
 
 from torch import Tensor
 
-from silmesh.cameras.camera import Cameras
 from silmesh.errors import InputError
 from silmesh.fitting.checkpoint import Checkpoint
+from silmesh.geometry.camera import Cameras
 
 TRIES = 6  # how many times a step is halved before the fit is given up
 LABELS = {"iou_loss": "IoU loss", "laplacian": "Laplacian"}  # of losses that go by other words

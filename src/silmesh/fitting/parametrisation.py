@@ -8,15 +8,15 @@ Liu et al. 2019, section 5.2 and the example that accompanies it.
 import torch
 from torch import Tensor, nn
 
-from silmesh.cameras.camera import FIRST_SCALE
 from silmesh.errors import InputError
+from silmesh.geometry.camera import FIRST_SCALE
 
 
 class OctantSigmoid(nn.Module):
     """The vertices of a mesh as a displacement of a template and a shift of its centre.
 
     Args:
-        template: [verts, 3], a first mesh at unit size; it is halved here
+        template: [verts, 3], an initial mesh at unit size; it is halved here
 
     Raises:
         InputError: a coordinate of the halved template lies outside (-1, 1), where the inverse of
@@ -44,7 +44,7 @@ def _refuse_outside(halved: Tensor) -> None:
     if outside.any():
         worst = halved[outside].abs().max().item()
         raise InputError(
-            f"the first mesh reaches {worst:.3g} from the origin along an axis after halving, in "
+            f"the initial mesh reaches {worst:.3g} from the origin along an axis after halving, in "
             f"{int(outside.any(dim=1).sum())} of {len(halved)} vertices; every coordinate should "
             "lie within (-1, 1). The object may be too far from the middle of the first view, or "
             "the cameras too far away for its size"

@@ -11,7 +11,7 @@ from silmesh.fitting.loop import Procedure
 def find_procedure(preset: str) -> type[Procedure]:
     """The class that a preset's module names as its ``PROCEDURE``; only this module is loaded.
 
-    It is called with a first mesh's vertices and faces, cameras, silhouettes, the preset's
+    It is called with an initial mesh's vertices and faces, cameras, silhouettes, the preset's
     settings, and the views' weights or None.
     """
     return import_module(f"silmesh.fitting.{preset}").PROCEDURE

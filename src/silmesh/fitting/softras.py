@@ -5,11 +5,11 @@ from copy import deepcopy
 import torch
 from torch import Tensor
 
-from silmesh.cameras.camera import Cameras
 from silmesh.fitting.adam import Adam
 from silmesh.fitting.loop import refuse_not_finite
 from silmesh.fitting.losses import Objective
 from silmesh.fitting.parametrisation import OctantSigmoid
+from silmesh.geometry.camera import Cameras
 from silmesh.settings.fit import SoftRasFit
 from silmesh.softras import soft_silhouettes
 

@@ -7,10 +7,10 @@ import numpy as np
 import torch
 import trimesh
 
-from silmesh.cameras.camera import Cameras
 from silmesh.fitting.loop import NotFinite
 from silmesh.fitting.softras import SoftRas
-from silmesh.meshes import to_tensors
+from silmesh.geometry.camera import Cameras
+from silmesh.geometry.mesh_files import to_tensors
 from silmesh.settings.fit import SoftRasFit
 
 

@@ -1,1 +1,1 @@
-"""What several stages measure alike, in images and on meshes; it knows nothing of files."""
+"""Cameras, the visual hull and meshes: the geometry that every stage stands on."""

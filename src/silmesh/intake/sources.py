@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from silmesh.errors import InputError
-from silmesh.feasible import has_matting
+from silmesh.planning.feasible import has_matting
 from silmesh.silhouettes.threshold import border_noise
 from silmesh.views import read_image
 

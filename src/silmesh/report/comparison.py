@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 from PIL import Image
 
-from silmesh.cameras.camera import Cameras
+from silmesh.geometry.camera import Cameras
 from silmesh.report.pictures import (
     CELL,
     FINE,

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 import trimesh
 
-from silmesh.cameras.camera import FIRST_SCALE, Cameras, Similarity
+from silmesh.geometry.camera import FIRST_SCALE, Cameras, Similarity
 from silmesh.report.outlines import outline_path
 from silmesh.report.packing import encode_glb, pack
 from silmesh.report.rings import frusta_of, look_ahead
@@ -32,7 +32,7 @@ def describe_exhibit(
     Args:
         mesh: fitted, in the cameras' world
         colours: [verts, 3] of its vertices, linear light in [0, 1]
-        first: the first mesh, at unit size: twice as large as in the normalised world
+        first: the initial mesh, at unit size: twice as large as in the normalised world
         cameras: of the mesh's world
         similarity: from that world to the normalised one
         sigma: softness of the rendering, as in the fit

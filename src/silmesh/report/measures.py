@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from silmesh.thresholds import COHERENT
+from silmesh.geometry.thresholds import COHERENT
 
 LACKING = "–"
 

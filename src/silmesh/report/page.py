@@ -19,7 +19,8 @@ import trimesh
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from PIL import Image
 
-from silmesh.cameras.camera import MIRROR
+from silmesh.geometry.camera import MIRROR
+from silmesh.geometry.thresholds import COHERENT
 from silmesh.report.budget import choose_views
 from silmesh.report.curves import describe_curve, table_of
 from silmesh.report.gallery import encode_webp
@@ -35,7 +36,6 @@ from silmesh.report.packing import encode_glb, pack, pack_json
 from silmesh.report.parts import LIBRARIES, SCRIPTS, STYLES, TEMPLATE
 from silmesh.report.pictures import crop_thumbnail
 from silmesh.report.tables import Run, objects_of
-from silmesh.thresholds import COHERENT
 
 PACKAGES = ("silmesh", "torch", "numba", "numpy", "scikit-image", "trimesh", "snakemake")
 THUMBNAIL = 132  # pixels
@@ -218,7 +218,7 @@ def _describe_run(variant: str, result: Result, order: Sequence[str]) -> dict[st
         "thumbnail": _embed_thumbnail(result.picture),
         "cameras": metrics.get("cameras"),
         "fitted": result.exhibit["fitted"],
-        "first_mesh": result.exhibit["first"],
+        "initial_mesh": result.exhibit["first"],
         "gallery": result.gallery,
     }
 
@@ -346,7 +346,7 @@ def _show_estimates(estimates: Mapping[str, Mapping[str, Any]]) -> list[dict[str
 
 
 def describe_first(told: Mapping[str, Any]) -> dict[str, Any]:
-    """What the page says of a first mesh, from its ``init.json``."""
+    """What the page says of an initial mesh, from its ``init.json``."""
     return {
         "shape": told.get("shape"),
         "scores": {

@@ -15,7 +15,7 @@ import trimesh
 from PIL import Image, ImageDraw, ImageFont
 from skimage.measure import find_contours
 
-from silmesh.cameras.camera import Cameras
+from silmesh.geometry.camera import Cameras
 
 CELL = 264  # side of one picture, in pixels
 CELLS = 5  # pictures of a view, side by side

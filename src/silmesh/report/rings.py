@@ -13,8 +13,8 @@ import numpy as np
 import trimesh
 from PIL import Image, ImageDraw
 
-from silmesh.cameras.camera import OBJECT_RADIUS, Cameras
 from silmesh.errors import name_some
+from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
 from silmesh.report.pictures import FINE, GROUND, INK, MESH, Camera, font, shade, to_image, trace
 
 PANEL, GAP, HEADER, LINE = 551, 8, 30, 18  # pixels

@@ -1,22 +1,23 @@
-"""The first mesh."""
+"""The initial mesh."""
 
 import zlib
 from typing import Literal
 
 from pydantic import Field
 
-from silmesh.settings.section import OwnCode, Section, own_file, whole
+from silmesh.own_code import own_file
+from silmesh.settings.section import OwnCode, Section, whole
 
 Shape = Literal["sphere", "ellipsoid", "cylinder", "cube", "prism", "hull", "auto"]
 TUNNELLED = {"prism", "hull", "auto"}  # shapes that can have tunnels to keep or to close
 
 
 class Init(Section):
-    """The first mesh."""
+    """The initial mesh."""
 
     shape: Shape | OwnCode = Field(
         "sphere",
-        description="the first mesh; auto tries all but the sphere; a function of your own is "
+        description="the initial mesh; auto tries all but the sphere; a function of your own is "
         "called with silhouettes, cameras and the number of vertices",
     )
     vertices: whole(12, 200_000) | Literal["auto"] = Field(
@@ -35,7 +36,7 @@ class Init(Section):
 
     @property
     def key(self) -> str:
-        """Names a first mesh of given silhouettes and cameras."""
+        """Names an initial mesh of given silhouettes and cameras."""
         closed = "-closed" if self.genus == "sphere" and self.shape in TUNNELLED else ""
         own = f"own_{zlib.crc32(self.shape.encode()):08x}"
         shape = own if own_file(self.shape) else self.shape

@@ -78,12 +78,6 @@ class Section(BaseModel):
         return kind.model_validate({name: getattr(self, name) for name in kind.model_fields})
 
 
-def own_file(name: str) -> Path | None:
-    """The file of a person's own function; None if the name, of a method, is not of one."""
-    file, found, function = name.rpartition(".py:")
-    return Path(f"{file}.py") if found and function.isidentifier() else None
-
-
 def _has_long_name(path: str) -> bool:
     """Whether no system can look for this path."""
     names = path.encode(errors="surrogatepass").split(b"/")

@@ -1,1 +1,1 @@
-"""First meshes: what the fit starts from, made at unit size and placed by the silhouettes."""
+"""Initial meshes: what the fit starts from, made at unit size and placed by the silhouettes."""

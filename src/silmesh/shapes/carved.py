@@ -12,14 +12,14 @@ from scipy.ndimage import distance_transform_edt
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from silmesh.cameras.camera import OBJECT_RADIUS, Cameras
 from silmesh.errors import InputError
+from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
 from silmesh.geometry.overlap import mean_iou
-from silmesh.hull import Hull, carve, find_doubtful
+from silmesh.geometry.thresholds import COHERENT
+from silmesh.geometry.visual_hull import Hull, carve, find_doubtful
+from silmesh.shapes.downsample import look_smaller, render
 from silmesh.shapes.ellipsoid import find_ellipsoid
 from silmesh.shapes.even import even_mesh
-from silmesh.shapes.looks import look_smaller, render
-from silmesh.thresholds import COHERENT
 
 RESOLUTION = 128  # samples a side
 FINER = 3  # times as many vertices as are wanted has the surface that is remeshed, if it can
@@ -55,7 +55,7 @@ class Carved:
 
 
 def hull_mesh(silhouettes: np.ndarray, cameras: Cameras, vertices: int, genus: str) -> Carved:
-    """The visual hull as a first mesh.
+    """The visual hull as an initial mesh.
 
     Args:
         silhouettes: [views, height, width] bool

@@ -1,4 +1,4 @@
-"""``shape: auto``: first meshes are fitted in small images, the better ones for longer."""
+"""``shape: auto``: initial meshes are fitted in small images, the better ones for longer."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -9,9 +9,9 @@ import numpy as np
 import torch
 import trimesh
 
-from silmesh.cameras.camera import Cameras
+from silmesh.geometry.camera import Cameras
 from silmesh.progress import Share, untold
-from silmesh.shapes.looks import look_smaller
+from silmesh.shapes.downsample import look_smaller
 
 SIZE, VIEWS = 64, 12  # of the looks in which meshes are tried
 VERTICES = 642  # of the meshes that are tried
@@ -26,7 +26,7 @@ Trial = Callable[[trimesh.Trimesh, Cameras, np.ndarray], Iterator[float]]
 
 @dataclass(frozen=True)
 class Score:
-    """How a first mesh did: the loss before the fit, and after so many steps."""
+    """How an initial mesh did: the loss before the fit, and after so many steps."""
 
     before: float
     after: float
@@ -47,7 +47,7 @@ def score_meshes(
     trial: Trial,
     progress: Share = untold,
 ) -> dict[str, Score]:
-    """Try each first mesh; the best come first.
+    """Try each initial mesh; the best come first.
 
     After each round the better ones go on, until one is left. Each is fitted by one thread.
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.optimize import least_squares
 
-from silmesh.cameras.camera import OBJECT_RADIUS, Cameras
+from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
 from silmesh.geometry.frame import is_cut
 
 PRIOR = 0.02  # weight that holds a length which no view shows at the others' mean

@@ -9,7 +9,7 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from silmesh.geometry.edges import number_edges
-from silmesh.remesh import even_length, flip_edges, relax, remesh, split_long
+from silmesh.geometry.remeshing import even_length, flip_edges, relax, remesh, split_long
 
 PASSES = 3  # of the remesher at first
 TRIES = 8  # rounds of a pass each to come near the wanted number

@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 import trimesh
 
-from silmesh.cameras.camera import Cameras
+from silmesh.geometry.camera import Cameras
 from silmesh.geometry.overlap import mean_iou
+from silmesh.shapes.downsample import look_smaller, render
 from silmesh.shapes.ellipsoid import Ellipsoid, find_ellipsoid
 from silmesh.shapes.even import even_mesh
-from silmesh.shapes.looks import look_smaller, render
 from silmesh.shapes.sphere import unit_sphere
 
 POWERS = (8.0, 4.0, 2.5)  # what p may be; the first where no silhouettes choose

@@ -33,8 +33,9 @@ import torch
 from numba import njit
 from torch import Tensor
 
-from silmesh.softras import lanes, reference
-from silmesh.softras.lanes import (
+from silmesh.softras import reference, simd
+from silmesh.softras.reference import CUTOFF, THIN, TIE
+from silmesh.softras.simd import (
     COLUMNS,
     ROWS,
     any_nonzero,
@@ -51,7 +52,6 @@ from silmesh.softras.lanes import (
     total,
     where_less,
 )
-from silmesh.softras.reference import CUTOFF, THIN, TIE
 
 WINDOW = 64  # pixels
 LOG2_E = math.log2(math.e)
@@ -117,7 +117,7 @@ class Bound(NamedTuple):
 
 
 class Row(NamedTuple):
-    """What a ``Line`` becomes in one row of the window, each number in all lanes."""
+    """What a ``Line`` becomes in one row of the window, each number in all simd."""
 
     before: object
     after: object
@@ -543,7 +543,7 @@ def _keep_compiled(code: str) -> tuple[Callable, Callable]:
     return draw, draw_back
 
 
-_FILES = b"".join(Path(module.__file__).read_bytes() for module in (lanes, reference))
+_FILES = b"".join(Path(module.__file__).read_bytes() for module in (simd, reference))
 _draw, _draw_back = _keep_compiled(hashlib.sha256(_FILES).hexdigest())
 
 

@@ -4,10 +4,11 @@ import sys
 from pkgutil import iter_modules
 
 import silmesh.steps
-from silmesh.warm import run_step
+from silmesh.steps.fork_server import run_step
 
 STEPS = sorted(
-    {module.name for module in iter_modules(silmesh.steps.__path__)} - {"__main__", "command"}
+    {module.name for module in iter_modules(silmesh.steps.__path__)}
+    - {"__main__", "command", "fork_server"}
 )
 
 if __name__ == "__main__":

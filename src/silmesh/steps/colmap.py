@@ -7,7 +7,7 @@ from pathlib import Path
 import torch
 
 from silmesh.cameras.attempt import write_attempt
-from silmesh.motion import SOURCE, judge_model
+from silmesh.scene.motion import SOURCE, judge_model
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import output_folder, parser, run
 from silmesh.views import read_views

@@ -8,8 +8,8 @@ from tempfile import TemporaryDirectory
 import torch
 
 from silmesh.cameras.attempt import read_attempt, write_attempt
-from silmesh.motion import attempt_masked
 from silmesh.progress import share_of
+from silmesh.scene.motion import attempt_masked
 from silmesh.settings.cameras import Colmap
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import add_settings, output_folder, parser, run

@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from silmesh.cameras.camera import read_cameras
-from silmesh.colouring import colour_vertices
-from silmesh.meshes import read_mesh, write_coloured
-from silmesh.scene import SILHOUETTES, VIEWS
+from silmesh.geometry.camera import read_cameras
+from silmesh.geometry.mesh_files import read_mesh, write_coloured
+from silmesh.scene.scene import SILHOUETTES, VIEWS
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import output_file, parser, run
+from silmesh.texture.vertex_colours import colour_vertices
 from silmesh.views import ImageFolder, stack_pictures
 
 

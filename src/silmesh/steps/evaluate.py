@@ -8,11 +8,11 @@ from pathlib import Path
 
 import torch
 
-from silmesh.cameras.camera import read_cameras
+from silmesh.evaluation.metrics import evaluate
 from silmesh.files import replacing
-from silmesh.meshes import read_mesh
-from silmesh.metrics import evaluate
-from silmesh.scene import SILHOUETTES, load_scene
+from silmesh.geometry.camera import read_cameras
+from silmesh.geometry.mesh_files import read_mesh
+from silmesh.scene.scene import SILHOUETTES, load_scene
 from silmesh.settings.fit import Fit
 from silmesh.steps.command import add_settings, output_file, parser, run
 
@@ -24,7 +24,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--cameras", type=Path, required=True, help="cameras.json of its world")
     args.add_argument("--loss", type=Path, required=True, help="loss.csv of its fit")
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
-    args.add_argument("--first", type=Path, help="init.json of its first mesh")
+    args.add_argument("--initial", type=Path, help="init.json of its initial mesh")
     args.add_argument("--truth", type=Path, help="the true mesh, in the cameras' world")
     args.add_argument("--align", action="store_true", help="lay the mesh on the truth first")
     add_settings(args, Fit, of="its fit")
@@ -42,7 +42,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         _read_last(given.loss),
         given.settings.sigma_at(scene.silhouettes.shape[-1]),
         given.settings.holdout,
-        json.loads(given.first.read_text(encoding="utf-8")) if given.first else None,
+        json.loads(given.initial.read_text(encoding="utf-8")) if given.initial else None,
         Path(os.path.relpath(given.scene / SILHOUETTES, given.results)).as_posix(),
         read_mesh(given.truth) if given.truth else None,
         given.align,

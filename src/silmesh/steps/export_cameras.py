@@ -3,8 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from silmesh.cameras.camera import read_cameras
 from silmesh.cameras.formats import WRITERS
+from silmesh.geometry.camera import read_cameras
 from silmesh.steps.command import output_place, parser, run
 
 

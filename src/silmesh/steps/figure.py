@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pandas as pd
 
-from silmesh.cameras.camera import read_cameras
-from silmesh.meshes import read_mesh
+from silmesh.geometry.camera import read_cameras
+from silmesh.geometry.mesh_files import read_mesh
 from silmesh.report.comparison import Fit, draw_comparison
 from silmesh.report.figures import draw_figure, write_figure
 from silmesh.report.pictures import quarter_turn
 from silmesh.report.tables import read_published
-from silmesh.scene import SILHOUETTES, VIEWS
+from silmesh.scene.scene import SILHOUETTES, VIEWS
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import output_file, parser, run
 

@@ -1,4 +1,4 @@
-"""Fit a first mesh to the silhouettes."""
+"""Fit an initial mesh to the silhouettes."""
 
 import argparse
 import csv
@@ -9,15 +9,15 @@ from typing import Any
 
 import torch
 
-from silmesh.cameras.camera import write_cameras
 from silmesh.errors import blaming
 from silmesh.files import remove, replacing
 from silmesh.fitting.checkpoint import Checkpoint
 from silmesh.fitting.fit import fit_mesh
 from silmesh.fitting.loop import Record
-from silmesh.meshes import read_mesh, to_tensors, write_mesh
+from silmesh.geometry.camera import write_cameras
+from silmesh.geometry.mesh_files import read_mesh, to_tensors, write_mesh
 from silmesh.progress import Progress
-from silmesh.scene import load_scene
+from silmesh.scene.scene import load_scene
 from silmesh.settings.fit import Fit
 from silmesh.steps.command import add_settings, output_file, parser, run
 
@@ -29,7 +29,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     progress = Progress(f"fit {given.name}", given.settings.iterations)
     with blaming(given.name):
         fitted = fit_mesh(
-            read_mesh(given.first),
+            read_mesh(given.initial),
             load_scene(given.scene),
             given.settings,
             lambda record: progress(record.iteration + 1, f"loss {record.loss:.4f}"),
@@ -60,7 +60,7 @@ def _take_up(given: argparse.Namespace, parts: Sequence[Any]) -> Checkpoint:
 
 def _parse(argv: Sequence[str] | None) -> argparse.Namespace:
     args = parser(__doc__)
-    args.add_argument("--first", type=Path, required=True, help="first mesh, at unit size")
+    args.add_argument("--initial", type=Path, required=True, help="initial mesh, at unit size")
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
     add_settings(args, Fit)
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")

@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from silmesh.files import replacing
-from silmesh.judging.policy import DROPPED, REPAIRED
-from silmesh.judging.table import read_table
 from silmesh.report.gallery import Shot, describe_gallery
 from silmesh.report.sheet import draw_sheet
-from silmesh.scene import SILHOUETTES, VIEWS, read_scene
+from silmesh.scene.policy import DROPPED, REPAIRED
+from silmesh.scene.quality_table import read_table
+from silmesh.scene.scene import SILHOUETTES, VIEWS, read_scene
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import output_file, parser, run
 

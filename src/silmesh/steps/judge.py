@@ -10,10 +10,10 @@ import torch
 
 from silmesh.errors import blaming
 from silmesh.files import making
-from silmesh.judging.judged import Judged, judge_scene
-from silmesh.judging.table import write_table
 from silmesh.progress import share_of
-from silmesh.scene import SILHOUETTES, VIEWS, load_scene, write_scene
+from silmesh.scene.judged import Judged, judge_scene
+from silmesh.scene.quality_table import write_table
+from silmesh.scene.scene import SILHOUETTES, VIEWS, load_scene, write_scene
 from silmesh.settings.quality import Quality
 from silmesh.steps.command import add_settings, output_folder, parser, run
 

@@ -4,14 +4,14 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from silmesh.cameras.camera import read_cameras
 from silmesh.files import replacing
-from silmesh.meshes import read_mesh, to_linear
+from silmesh.geometry.camera import read_cameras
+from silmesh.geometry.mesh_files import read_mesh, to_linear
 from silmesh.report.animation import draw_turn, write_gif, write_mp4
 from silmesh.report.exhibit import describe_exhibit
 from silmesh.report.pictures import draw_picture, quarter_turn
 from silmesh.report.rings import look_ahead
-from silmesh.scene import SILHOUETTES, VIEWS, read_scene
+from silmesh.scene.scene import SILHOUETTES, VIEWS, read_scene
 from silmesh.settings.fit import Fit
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import add_settings, output_file, parser, run
@@ -21,7 +21,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Parse, load, call, save."""
     args = parser(__doc__)
     args.add_argument("--mesh", type=Path, required=True, help="the fitted mesh, coloured")
-    args.add_argument("--first", type=Path, required=True, help="its first mesh")
+    args.add_argument("--initial", type=Path, required=True, help="its initial mesh")
     args.add_argument("--cameras", type=Path, required=True, help="cameras.json of its world")
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
     add_settings(args, Fit, of="its fit")
@@ -47,7 +47,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     write_mp4(given.mp4, turn)
 
     colours = to_linear(mesh.visual.vertex_colors[:, :3])
-    first = read_mesh(given.first)
+    first = read_mesh(given.initial)
     sigma = given.settings.sigma_at(silhouettes.shape[-1])
     exhibit = describe_exhibit(mesh, colours, first, cameras, similarity, sigma)
     with replacing(given.exhibit) as part:

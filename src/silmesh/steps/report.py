@@ -15,7 +15,7 @@ from typing import Any
 import pandas as pd
 
 from silmesh.files import replacing
-from silmesh.meshes import read_mesh
+from silmesh.geometry.mesh_files import read_mesh
 from silmesh.report.page import Result, Scene, write_page
 from silmesh.report.tables import (
     gather_losses,
@@ -24,7 +24,7 @@ from silmesh.report.tables import (
     read_metrics,
     read_published,
 )
-from silmesh.scene import read_scene
+from silmesh.scene.scene import read_scene
 from silmesh.steps.command import output_file, parser, run
 from silmesh.views import held_out
 

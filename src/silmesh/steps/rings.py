@@ -6,11 +6,11 @@ from pathlib import Path
 import torch
 import trimesh
 
-from silmesh.agreement import find_shown
 from silmesh.files import replacing
-from silmesh.hull import carve
+from silmesh.geometry.visual_hull import carve
 from silmesh.report.rings import draw_rings
-from silmesh.scene import SILHOUETTES, read_scene
+from silmesh.scene.agreement import find_shown
+from silmesh.scene.scene import SILHOUETTES, read_scene
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import output_file, parser, run
 

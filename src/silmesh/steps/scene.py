@@ -6,9 +6,9 @@ from pathlib import Path
 
 import torch
 
-from silmesh.assemble import build_scene
 from silmesh.cameras.attempt import read_attempt
-from silmesh.scene import write_scene
+from silmesh.scene.assemble import build_scene
+from silmesh.scene.scene import write_scene
 from silmesh.silhouettes import read_lost, read_silhouettes
 from silmesh.steps.command import output_folder, parser, run
 from silmesh.views import read_views

@@ -7,8 +7,8 @@ from PIL import Image
 
 from silmesh.files import making, replacing
 from silmesh.steps.command import output_file, output_folder, parser, run
+from silmesh.synthetic.dataset import find_paint, make_object
 from silmesh.synthetic.layout import OBJECTS, VIEWS, photograph_names
-from silmesh.synthetic.make import find_paint, make_object
 from silmesh.synthetic.orbit import photograph_cameras
 from silmesh.synthetic.photograph import photograph
 

@@ -11,17 +11,17 @@ from pathlib import Path
 import pandas as pd
 import torch
 
-from silmesh.datasets import Dataset, read_datasets
 from silmesh.errors import InputError
 from silmesh.files import remove, replacing
+from silmesh.planning.datasets import Dataset, read_datasets
+from silmesh.planning.provenance import code_digest
 from silmesh.progress import Progress
-from silmesh.provenance import code_digest
 from silmesh.settings.train import NEW, Train
 from silmesh.silhouettes.network import load_weights, write_weights
 from silmesh.steps.command import add_settings, output_file, parser, run
 from silmesh.training.backgrounds import find_backgrounds, make_textures, read_backgrounds, split
 from silmesh.training.cutouts import read_cutout
-from silmesh.training.loop import Material, Training
+from silmesh.training.training_loop import Material, Training
 
 APART = ("checkpoint", "table", "output", "saves", "threads")  # from what makes a run what it is
 

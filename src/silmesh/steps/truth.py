@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from silmesh.meshes import read_mesh, refuse_flat, to_tensors, write_mesh
+from silmesh.geometry.mesh_files import read_mesh, refuse_flat, to_tensors, write_mesh
 from silmesh.steps.command import output_file, parser, run
 
 

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 import torch
 
-from silmesh.cameras.camera import Cameras
 from silmesh.cameras.turntable import turntable_cameras
+from silmesh.geometry.camera import Cameras
 from silmesh.synthetic.layout import SIZE
 
 DISTANCE = 2.732  # of the camera from the origin, in world units

@@ -19,7 +19,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
-from silmesh.cameras.camera import Cameras
+from silmesh.geometry.camera import Cameras
 
 Array = NDArray[np.floating]
 Paint = Callable[[Array], Array]

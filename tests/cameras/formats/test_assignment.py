@@ -9,11 +9,11 @@ import torch
 from scenes import dome
 from shots import NAMES, SIZE, cameras, views
 
-from silmesh.cameras.camera import write_cameras
 from silmesh.cameras.formats import attempt_from_file
 from silmesh.cameras.formats.assignment import is_scaled
 from silmesh.cameras.locate import locate
 from silmesh.errors import InputError
+from silmesh.geometry.camera import write_cameras
 
 GIVEN = cameras()
 

@@ -7,8 +7,8 @@ import pytest
 from shots import HEIGHT, NAMES, WIDTH, assert_seen, by_definition, cameras, views
 
 from silmesh.cameras.formats import attempt_from_file
-from silmesh.cameras.lens import Lens
 from silmesh.errors import InputError
+from silmesh.geometry.lens import Lens
 
 GIVEN = cameras()  # f = (700, 690), c = (331, 228), which AliceVision counts from pixel centres
 

@@ -10,11 +10,11 @@ import torch
 from scenes import behind_lenses
 from shots import HEIGHT, NAMES, POINTS, WIDTH, assert_seen, by_definition, cameras, views
 
-from silmesh.cameras.camera import write_cameras
 from silmesh.cameras.formats import attempt_from_file
-from silmesh.cameras.lens import Lens
 from silmesh.cameras.locate import locate
 from silmesh.errors import InputError
+from silmesh.geometry.camera import write_cameras
+from silmesh.geometry.lens import Lens
 from silmesh.steps import export_cameras
 
 GIVEN = cameras()

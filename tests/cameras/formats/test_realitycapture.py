@@ -6,8 +6,8 @@ from scipy.spatial.transform import Rotation
 from shots import HEIGHT, NAMES, POINTS, WIDTH, assert_seen, cameras, views
 
 from silmesh.cameras.formats import attempt_from_file
-from silmesh.cameras.lens import Lens
 from silmesh.errors import InputError
+from silmesh.geometry.lens import Lens
 
 GIVEN = cameras()
 OLD = "#name,x,y,alt,heading,pitch,roll,f,px,py,k1,k2,k3,k4,t1,t2"

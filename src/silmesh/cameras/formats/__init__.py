@@ -1,6 +1,6 @@
 """Cameras from files: one module a format, their list, and the cameras in the order of the views.
 
-A reader gives the cameras as the file lists them, in our convention (``silmesh.cameras.camera``),
+A reader gives the cameras as the file lists them, in our convention (``silmesh.geometry.camera``),
 each by the name of its image; ``assignment`` finds the view of each.
 """
 
@@ -15,10 +15,9 @@ from silmesh.cameras.attempt import (
     WORLD_TO_CAMERA,
     Attempt,
 )
-from silmesh.cameras.camera import LARGEST, Cameras, read_cameras
 from silmesh.cameras.formats import (
     bundler,
-    colmap,
+    colmap_model,
     llff,
     mat,
     meshroom,
@@ -34,6 +33,7 @@ from silmesh.cameras.locate import Located, locate
 from silmesh.cameras.turntable import softras_cameras
 from silmesh.cameras.unread import recognise_json
 from silmesh.errors import InputError, reading, shorten
+from silmesh.geometry.camera import LARGEST, Cameras, read_cameras
 from silmesh.reading import read_json
 from silmesh.views import View
 
@@ -57,7 +57,7 @@ def _read_softras(path: Path, views: Sequence[View]) -> Cameras:
 
 
 FORMATS = {
-    "colmap": Format("a COLMAP model", lambda path, views: colmap.read(path)),
+    "colmap": Format("a COLMAP model", lambda path, views: colmap_model.read(path)),
     "meshroom": Format(
         "Meshroom's cameras.sfm",
         lambda path, views: meshroom.read(path),
@@ -91,7 +91,7 @@ FORMATS = {
 }
 
 FOCAL = (1e-3, 1e9)  # pixels: a lens that sees anything has a focal length between these
-WRITERS = {"colmap": colmap.write, "transforms": nerf.write}
+WRITERS = {"colmap": colmap_model.write, "transforms": nerf.write}
 
 
 def recognise(path: Path) -> tuple[Format, Located]:

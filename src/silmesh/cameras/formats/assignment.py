@@ -15,8 +15,8 @@ import numpy as np
 import torch
 
 from silmesh.cameras.attempt import FILE, Attempt
-from silmesh.cameras.camera import Cameras
 from silmesh.errors import InputError, name_some
+from silmesh.geometry.camera import Cameras
 from silmesh.views import View
 
 FEWEST, SHARE = 3, 0.5  # of the views that need a camera, where some have none

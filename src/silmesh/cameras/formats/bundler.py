@@ -20,9 +20,8 @@ from pathlib import Path
 
 import numpy as np
 
-from silmesh.cameras.camera import OPENGL, Cameras
 from silmesh.cameras.formats.assignment import Sizes
-from silmesh.cameras.formats.parts import (
+from silmesh.cameras.formats.parsing import (
     UNSAID,
     Camera,
     gather,
@@ -31,9 +30,10 @@ from silmesh.cameras.formats.parts import (
     numbers,
     read_lines,
 )
-from silmesh.cameras.lens import lens_of
 from silmesh.cameras.locate import find_lists
 from silmesh.errors import InputError
+from silmesh.geometry.camera import OPENGL, Cameras
+from silmesh.geometry.lens import lens_of
 from silmesh.views import View
 
 HEADER = "# Bundle file"

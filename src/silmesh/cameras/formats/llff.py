@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from silmesh.cameras.camera import WIDEST, Cameras
-from silmesh.cameras.formats.parts import Camera, gather, intrinsics, nearest_rotation, numbers
+from silmesh.cameras.formats.parsing import Camera, gather, intrinsics, nearest_rotation, numbers
 from silmesh.cameras.locate import LLFF
 from silmesh.errors import InputError
+from silmesh.geometry.camera import WIDEST, Cameras
 from silmesh.reading import open_array
 from silmesh.views import View
 

@@ -20,10 +20,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from silmesh.cameras.camera import Cameras
-from silmesh.cameras.formats.parts import gather, numbers, to_half
+from silmesh.cameras.formats.parsing import gather, numbers, to_half
 from silmesh.cameras.formats.projection import cameras_of
 from silmesh.errors import InputError, cut, reading, shorten
+from silmesh.geometry.camera import Cameras
 
 HEADER, TAG = 128, 8  # bytes
 HDF5 = b"\x89HDF\r\n\x1a\n"  # begins what version 7.3 holds, at a multiple of 512

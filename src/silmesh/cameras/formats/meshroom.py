@@ -18,8 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from silmesh.cameras.camera import Cameras, refuse_many
-from silmesh.cameras.formats.parts import (
+from silmesh.cameras.formats.parsing import (
     Camera,
     gather,
     intrinsics,
@@ -28,8 +27,9 @@ from silmesh.cameras.formats.parts import (
     pixels,
     to_half,
 )
-from silmesh.cameras.lens import Lens, lens_of
 from silmesh.errors import InputError, blaming, cut, shorten
+from silmesh.geometry.camera import Cameras, refuse_many
+from silmesh.geometry.lens import Lens, lens_of
 from silmesh.reading import read_json
 
 Version = tuple[int, ...]

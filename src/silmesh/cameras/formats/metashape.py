@@ -29,12 +29,12 @@ from xml.parsers import expat
 
 import numpy as np
 
-from silmesh.cameras.camera import WIDEST, Cameras
 from silmesh.cameras.formats.assignment import Sizes, is_scaled
-from silmesh.cameras.formats.parts import Camera, gather, intrinsics, nearest_rotation, numbers
-from silmesh.cameras.lens import Lens, lens_of
+from silmesh.cameras.formats.parsing import Camera, gather, intrinsics, nearest_rotation, numbers
 from silmesh.cameras.unread import recognise_root
 from silmesh.errors import InputError, blaming
+from silmesh.geometry.camera import WIDEST, Cameras
+from silmesh.geometry.lens import Lens, lens_of
 from silmesh.views import View
 
 CENTRED = (1, 2)  # the version since when a principal point is from the middle

@@ -9,8 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from silmesh.cameras.camera import Cameras
-from silmesh.cameras.formats.parts import (
+from silmesh.cameras.formats.parsing import (
     UNSAID,
     Camera,
     gather,
@@ -21,6 +20,7 @@ from silmesh.cameras.formats.parts import (
 )
 from silmesh.cameras.formats.projection import decompose
 from silmesh.errors import InputError, cut, shorten
+from silmesh.geometry.camera import Cameras
 
 
 def read(path: Path) -> Cameras:

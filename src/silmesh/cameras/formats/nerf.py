@@ -20,9 +20,8 @@ from typing import Any
 
 import numpy as np
 
-from silmesh.cameras.camera import OPENGL, Cameras, refuse_many
 from silmesh.cameras.formats.assignment import Sizes, is_scaled
-from silmesh.cameras.formats.parts import (
+from silmesh.cameras.formats.parsing import (
     UNSAID,
     Camera,
     gather,
@@ -32,10 +31,11 @@ from silmesh.cameras.formats.parts import (
     pixels,
     refuse_skew,
 )
-from silmesh.cameras.lens import CURVED, PLAIN, Lens, lens_of, refuse_strange
 from silmesh.cameras.locate import SPLITS
 from silmesh.errors import InputError, blaming, cut
 from silmesh.files import replacing
+from silmesh.geometry.camera import OPENGL, Cameras, refuse_many
+from silmesh.geometry.lens import CURVED, PLAIN, Lens, lens_of, refuse_strange
 from silmesh.reading import read_json
 from silmesh.views import View
 

@@ -15,10 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from silmesh.cameras.camera import Cameras
-from silmesh.cameras.formats.parts import gather, numbers, to_half
+from silmesh.cameras.formats.parsing import gather, numbers, to_half
 from silmesh.cameras.formats.projection import cameras_of, decompose
 from silmesh.errors import InputError, cut, reading, shorten
+from silmesh.geometry.camera import Cameras
 from silmesh.views import View
 
 BARE = 1e-3  # by which the K of a world_mat that is [R | t] alone may differ from 1

@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 from scipy.linalg import rq
 
-from silmesh.cameras.camera import LARGEST
-from silmesh.cameras.formats.parts import UNSAID, Camera
+from silmesh.cameras.formats.parsing import UNSAID, Camera
 from silmesh.errors import InputError, shorten
+from silmesh.geometry.camera import LARGEST
 
 SINGULAR = 1e-9  # of the matrix's scale, below which the left 3x3 has no inverse
 

@@ -20,11 +20,11 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from silmesh.cameras.camera import OPENGL, Cameras
 from silmesh.cameras.formats.assignment import Sizes
-from silmesh.cameras.formats.parts import UNSAID, Camera, gather, intrinsics, numbers, read_lines
-from silmesh.cameras.lens import Lens, lens_of
+from silmesh.cameras.formats.parsing import UNSAID, Camera, gather, intrinsics, numbers, read_lines
 from silmesh.errors import InputError, blaming
+from silmesh.geometry.camera import OPENGL, Cameras
+from silmesh.geometry.lens import Lens, lens_of
 from silmesh.views import View
 
 SENSOR = 36.0  # mm

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from silmesh.cameras.camera import Cameras
-from silmesh.cameras.formats.parts import gather, read_lines
+from silmesh.cameras.formats.parsing import gather, read_lines
 from silmesh.cameras.formats.projection import cameras_of
 from silmesh.errors import InputError, explain
+from silmesh.geometry.camera import Cameras
 
 
 def read(folder: Path) -> Cameras:

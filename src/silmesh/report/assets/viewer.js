@@ -131,7 +131,7 @@ silmesh.Viewer = class {
       return light;
     });
     const faces = geometry.shape.index.count / 3;
-    const name = what === "truth" ? "the truth" : `${told.variant}, ${what === "first" ? "first mesh" : "fitted mesh"}`;
+    const name = what === "truth" ? "the truth" : `${told.variant}, ${what === "first" ? "initial mesh" : "fitted mesh"}`;
     return { scene, lights, says: `${name}: ${faces.toLocaleString("en")} triangles` };
   }
 

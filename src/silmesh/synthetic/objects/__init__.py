@@ -6,5 +6,5 @@
 ``paint``     its colour and shine there: from points [n, 3] to [n, 4], see ``paints``
 
 Together they stand for the cases on which the report *Auto-Initialising Differentiable
-Renderers* compares first meshes.
+Renderers* compares initial meshes.
 """

@@ -1,0 +1,306 @@
+"""How far the rays through a view's outline miss the object that all other views allow.
+
+The ray through a point of an outline touches the object, so somewhere along it every other view
+must see it inside its silhouette or on its outline:
+
+    r = min(0, max over the ray of  min over the other views of  signed distance to their outline)
+
+in pixels of the view that it misses, 0 when cameras and silhouettes agree. This is the silhouette
+coherence of Hernandez, Schmitt and Cipolla (*Silhouette coherence for camera calibration under
+circular motion*, 2007), with a distance in place of their yes or no. Where r is not 0 it is the
+distance at one depth in one view, so its derivatives are that distance's, with both held.
+"""
+
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numba import njit
+from scipy.ndimage import gaussian_filter, map_coordinates
+from scipy.special import ndtri
+from skimage.measure import find_contours
+
+from silmesh.errors import InputError
+from silmesh.geometry.frame import is_cut, whole_frames
+from silmesh.geometry.signed_distance import signed_distance
+
+REACH = 3 / 32  # of the image's side: distances to the outline are cut off there
+DEPTHS = 48  # points of each ray
+HALVINGS = 5  # of the step between them, about the best
+BLUR = 1.0  # pixels: deviation of the Gaussian that finds outlines between pixels
+SHIFT = 0.35  # pixels: how far that may lie beyond a pixel's centre; thin parts would vanish
+EDGE = 1.0  # pixels: an outline so near the frame is the frame's own
+
+
+@dataclass(frozen=True)
+class Outlines:
+    """What the measure needs of some silhouettes.
+
+    Attributes:
+        distances: [views, height, width] float32, signed distance to the outline, positive inside
+        cut: [views] bool, whether the frame cuts the silhouette, so that what is beyond is unknown
+        points: [views, samples, 2] pixels x, y, spread evenly along each outline
+        known: [views, samples] bool, whether the outline there is the object's and not the frame's
+        far: pixels, the distance that stands for all that is further away
+    """
+
+    distances: np.ndarray
+    cut: np.ndarray
+    points: np.ndarray
+    known: np.ndarray
+    far: float
+
+    def select(self, views: Sequence[int], every: int = 1) -> "Outlines":
+        """Only these views, and every so many-th of their points."""
+        return Outlines(
+            self.distances[views],
+            self.cut[views],
+            self.points[views][:, ::every],
+            self.known[views][:, ::every],
+            self.far,
+        )
+
+
+def trace(
+    silhouettes: np.ndarray,
+    samples: int,
+    views: Sequence[str],
+    frames: np.ndarray | None = None,
+) -> Outlines:
+    """Prepare silhouettes, [views, height, width] bool, with so many points on each outline.
+
+    Args:
+        views: their names, for messages
+        frames: [views, 4] left, top, right and bottom of the photographs within the images; the
+            whole images if not given
+
+    Raises:
+        InputError: a silhouette is empty or fills its image
+    """
+    for view, s in zip(views, silhouettes, strict=True):
+        if s.all() or not s.any():
+            what = "fills its image" if s.any() else "is empty"
+            raise InputError(f"the silhouette of view {view!r} {what}; it has no outline")
+    far = REACH * max(silhouettes.shape[1:])
+    with ThreadPoolExecutor(torch.get_num_threads()) as pool:
+        distances = np.stack(list(pool.map(lambda s: _measure_distance(s, far), silhouettes)))
+    points = np.stack([_spread_points(d, samples) for d in distances])
+    if frames is None:
+        frames = whole_frames(silhouettes)
+    least, most = frames[:, None, :2] + EDGE, frames[:, None, 2:] - EDGE
+    known = ((points > least) & (points < most)).all(axis=2)
+    cut = is_cut(silhouettes, frames)
+    for i in np.flatnonzero(cut):
+        _forget_beyond(distances[i], frames[i])
+    return Outlines(distances, cut, points, known, far)
+
+
+def _forget_beyond(distance: np.ndarray, frame: Sequence[int]) -> None:
+    """Make unknown, NaN, what lies beyond a photograph's frame."""
+    left, top, right, bottom = frame
+    inside = distance[top:bottom, left:right].copy()
+    distance[:] = np.nan
+    distance[top:bottom, left:right] = inside
+
+
+def _measure_distance(silhouette: np.ndarray, far: float) -> np.ndarray:
+    """Signed distance to the outline, which near it is known to a fraction of a pixel.
+
+    Across a straight edge at d a mask that is blurred by a Gaussian falls as its distribution, so
+    d = BLUR Phi^-1(blurred): the steps of the pixels along the edge are averaged. From two pixels
+    on the plain distance is as good.
+    """
+    plain = signed_distance(silhouette, far, 0.0)
+    near = np.abs(plain) < 3
+    blurred = gaussian_filter(silhouette.astype(np.float32), BLUR)[near]
+    smooth = BLUR * ndtri(blurred.clip(1e-3, 1 - 1e-3))
+    inside = silhouette[near]
+    smooth = np.where(inside, np.maximum(smooth, -SHIFT), np.minimum(smooth, SHIFT))
+    share = np.clip(2 - np.abs(smooth), 0, 1)
+    plain[near] += share * (smooth - plain[near])
+    return plain
+
+
+def _spread_points(distance: np.ndarray, samples: int) -> np.ndarray:
+    """Points at equal steps along the longest outline: [samples, 2] pixels x, y."""
+    closed = np.pad(distance, 1, constant_values=-0.5)
+    outline = max(find_contours(closed, 0.0), key=len) - 0.5  # rows, columns; centres at + 0.5
+    length = np.concatenate([[0], np.linalg.norm(np.diff(outline, axis=0), axis=1).cumsum()])
+    at = (np.arange(samples) + 0.5) / samples * length[-1]
+    return np.stack([np.interp(at, length, outline[:, axis]) for axis in (1, 0)], axis=1)
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Where the cameras stand, as the kernels want it.
+
+    Attributes:
+        P: [views, 3, 4] projections to pixels
+        centres: [views, 3]
+        rays: [views, samples, 3], directions through the outlines' points, of unit depth
+        middle: depth about which the object lies
+    """
+
+    P: np.ndarray
+    centres: np.ndarray
+    rays: np.ndarray
+    middle: float
+
+
+def place(K: np.ndarray, R: np.ndarray, t: np.ndarray, points: np.ndarray) -> Pose:
+    """Prepare cameras that share K [3, 3]; R [views, 3, 3], t [views, 3], points as traced."""
+    P = K @ np.concatenate([R, t[:, :, None]], axis=2)
+    seen = np.concatenate([points, np.ones_like(points[..., :1])], axis=2) @ np.linalg.inv(K).T
+    return Pose(P, -np.einsum("vji,vj->vi", R, t), seen @ R, float(t[0, 2]))
+
+
+@dataclass(frozen=True)
+class Misses:
+    """By how much each ray misses, and what it misses.
+
+    Attributes:
+        pixels: [views, samples], r as above, 0 or below
+        depth: [views, samples], from the middle, at which it misses least
+        view: [views, samples] int64, which it misses there; -1 where it misses none
+    """
+
+    pixels: np.ndarray
+    depth: np.ndarray
+    view: np.ndarray
+
+
+def find_misses(outlines: Outlines, pose: Pose, radius: float) -> Misses:
+    """Follow every ray as far as ``radius`` before and behind the middle."""
+    views, samples = outlines.known.shape
+    pixels, depth = np.zeros((2, views, samples))
+    view = np.full((views, samples), -1)
+    order = _spread_turns(views)
+    far, threads = outlines.far, torch.get_num_threads()
+
+    def follow(part: np.ndarray) -> None:
+        _follow(part, outlines.distances, outlines.cut, far, outlines.known, pose.P, pose.centres,
+                pose.rays, pose.middle, radius, order, pixels, depth, view)  # fmt: skip
+
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(follow, [np.arange(i, views, threads) for i in range(threads)]))
+    return Misses(pixels, depth, view)
+
+
+def distance_between(outlines: Outlines) -> float:
+    """By how much the other outlines differ from the first: root mean square, in pixels."""
+    x, y = np.moveaxis(outlines.points[outlines.known], -1, 0) - 0.5
+    off = map_coordinates(outlines.distances[0], (y, x), order=1, mode="nearest")
+    return float(np.sqrt(np.nanmean(off**2)))
+
+
+def measure_at(outlines: Outlines, misses: Misses, rays: Pose, seen: Pose) -> np.ndarray:
+    """The distances at the depths and in the views of ``misses``: [views, samples] pixels.
+
+    Args:
+        rays: places the views whose rays these are
+        seen: places the views that they miss
+    """
+    at = np.zeros_like(misses.pixels)
+    _measure(outlines.distances, outlines.far, seen.P, rays.centres, rays.rays, rays.middle,
+             misses.depth, misses.view, at)  # fmt: skip
+    return at
+
+
+def _spread_turns(views: int) -> np.ndarray:
+    """All steps from a view to the others; quarter turns, which carve most, come first."""
+    steps = [round(i * views / k) for k in (4, 16, 64) for i in range(1, k)]
+    return np.array([s for s in dict.fromkeys([*steps, *range(views)]) if 0 < s < views])
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _sample(images, P, v, x, y, z):
+    """The distance where view v sees a point, by bilinear interpolation; NaN beyond the frame."""
+    _, height, width = images.shape
+    depth = P[v, 2, 0] * x + P[v, 2, 1] * y + P[v, 2, 2] * z + P[v, 2, 3]
+    column = (P[v, 0, 0] * x + P[v, 0, 1] * y + P[v, 0, 2] * z + P[v, 0, 3]) / depth - 0.5
+    row = (P[v, 1, 0] * x + P[v, 1, 1] * y + P[v, 1, 2] * z + P[v, 1, 3]) / depth - 0.5
+    if not (depth > 0 and 0 <= column < width - 1 and 0 <= row < height - 1):
+        return np.nan
+    c, r = int(column), int(row)
+    u, w = column - c, row - r
+    above = images[v, r, c] * (1 - u) + images[v, r, c + 1] * u
+    below = images[v, r + 1, c] * (1 - u) + images[v, r + 1, c + 1] * u
+    return above * (1 - w) + below * w
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _find_least(distances, cut, far, P, order, v, x, y, z, best):
+    """The least distance of a point over all views but ``v``, at most 0, and which view's it is.
+
+    It is left as soon as it falls to ``best``, which it then does not exceed.
+    """
+    least, view = 0.0, -1
+    for turn in order:
+        j = (v + turn) % len(distances)
+        value = _sample(distances, P, j, x, y, z)
+        if np.isnan(value):
+            if cut[j]:
+                continue
+            value = -far
+        if value < least:
+            least, view = value, j
+            if least <= best:
+                break
+    return least, view
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _follow(
+    part, distances, cut, far, known, P, centres, rays, middle, radius, order,
+    pixels, depth, view,
+):  # fmt: skip
+    """Fill the rows ``part`` of the last three arrays, see ``Misses``.
+
+    First at even depths, from the middle outwards: a good one that is met early rules out the
+    others sooner. Then nearer and nearer to the best of them.
+    """
+    for v in part:
+        for s in range(rays.shape[1]):
+            if not known[v, s]:
+                continue
+            best, best_depth, best_view = -np.inf, 0.0, -1
+            step, base = 2 * radius / DEPTHS, 0.0
+            for k in range(DEPTHS + 2 * HALVINGS):
+                if best == 0:
+                    break
+                if k < DEPTHS:
+                    aside = k // 2 if k % 2 == 0 else -(k + 1) // 2
+                    offset = step * (aside + 0.5)
+                elif (k - DEPTHS) % 2 == 0:
+                    step, base = step / 2, best_depth
+                    offset = base - step
+                else:
+                    offset = base + step
+                along = middle + offset
+                least, least_view = _find_least(
+                    distances, cut, far, P, order, v,
+                    centres[v, 0] + along * rays[v, s, 0],
+                    centres[v, 1] + along * rays[v, s, 1],
+                    centres[v, 2] + along * rays[v, s, 2], best,
+                )  # fmt: skip
+                if least > best:
+                    best, best_depth, best_view = least, offset, least_view
+            pixels[v, s], depth[v, s], view[v, s] = best, best_depth, best_view
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _measure(distances, far, P, centres, rays, middle, depth, view, at):
+    """Fill ``at``: the distance in one view at one depth of each ray; 0 for no view."""
+    for v in range(rays.shape[0]):
+        for s in range(rays.shape[1]):
+            j = view[v, s]
+            if j < 0:
+                continue
+            along = middle + depth[v, s]
+            x = centres[v, 0] + along * rays[v, s, 0]
+            y = centres[v, 1] + along * rays[v, s, 1]
+            z = centres[v, 2] + along * rays[v, s, 2]
+            value = _sample(distances, P, j, x, y, z)
+            at[v, s] = -far if np.isnan(value) else value

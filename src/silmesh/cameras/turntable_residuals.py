@@ -1,0 +1,268 @@
+"""The residuals of a turntable's silhouettes, as functions of its geometry, and their fit.
+
+The measure is by how much the rays through the outlines miss the body that all other views allow,
+``silmesh.cameras.silhouette_coherence``: one residual a point of an outline, in pixels.
+
+The model: the world turns about its axis y before one camera whose principal point is the image's
+middle. Silhouettes show no scale, so the image's side spans WIDTH at the axis, and the half angle
+of view says how strong the perspective is: the distance is WIDTH / 2 / tan(half angle). Weak
+priors, worth one measurement each, keep what the data leave open.
+"""
+
+import math
+from copy import copy
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import OptimizeResult, least_squares
+
+from silmesh.cameras.silhouette_coherence import (
+    Misses,
+    Outlines,
+    Pose,
+    find_misses,
+    measure_at,
+    place,
+)
+
+WIDTH = 1.6  # of the image at the axis, in world units
+COARSE_VIEWS, COARSE_SAMPLES = 24, 16  # of a thinned turntable
+NOISE = 0.15  # pixels: how well a traced outline is known
+SOFT = 1.0  # pixels beyond which a residual counts less
+JITTER = 0.5  # degrees: standard deviation of a turntable's errors from view to view
+INDEPENDENT = 3  # measurements that an outline is worth: a straight edge's pixels err alike
+
+ELEVATION, ROLL, AXIS, VIEW, STEP = range(5)  # the parameters; each view's own angle follows them
+NAMES = ("elevation", "roll", "axis", "half_angle", "step")
+PRIOR_SD = np.array([20.0, 3.0, np.inf, 1.0, np.inf])  # half angle: of its tangent's logarithm
+PRIOR = np.array([10.0, 0.0, 0.0, math.log(math.tan(math.radians(12))), 0.0])
+DISTANCE_SD = 0.25  # of the logarithm of a distance in sizes of the object
+OVER = 1.0  # degrees by which a camera above the table may look up at it, and one below down
+SPREAD = np.array([3.0, 1.0, 3.0, 0.5, 0.1])  # typical sizes of a change
+NUDGE = np.array([0.05, 0.05, 0.1, 0.02, 0.005])  # for differences; as small as pixels allow
+PROBE = np.array([2.0, 0.7, 1.0, 0.3, 1.5])  # changes that show; the step's is over all views
+
+
+class Turntable:
+    """The residuals of some silhouettes, as functions of all parameters.
+
+    The parameters x are, in degrees but for two: elevation, roll, axis (pixels), logarithm of the
+    half angle's tangent, step, and [views] offsets of the views from even steps.
+
+    Args:
+        outlines: of the silhouettes
+        size: of their square images
+        aspect: height over width of a square's image
+        distance: of the camera from the axis in sizes of the object, if it is known roughly
+        index: [views] their places in the turn, in steps from the first; one after the other if
+            not given
+    """
+
+    def __init__(
+        self,
+        outlines: Outlines,
+        size: int,
+        aspect: float = 1.0,
+        distance: float | None = None,
+        index: np.ndarray | None = None,
+    ):
+        self.outlines = outlines
+        self.size = size
+        self.aspect = aspect
+        self.distance = distance
+        self.index = np.arange(len(outlines.points)) if index is None else index
+        low, high = outlines.points.min(axis=1), outlines.points.max(axis=1)  # [views, 2]
+        self.column, self.row = ((low + high) / 2).mean(axis=0)
+        from_middle = (outlines.points - [self.column, self.row]) / [1, aspect]
+        self.reach = np.linalg.norm(from_middle, axis=2).max()  # pixels
+        self.radius = 1.2 * self.reach * WIDTH / size  # about the object's middle, with a margin
+
+    def thin(self) -> "Turntable":
+        """The same on fewer views and points."""
+        count = len(self.index)
+        kept = np.unique(np.linspace(0, count, COARSE_VIEWS, endpoint=False).astype(int))
+        kept = kept if count > COARSE_VIEWS else np.arange(count)
+        every = max(1, self.outlines.known.shape[1] // COARSE_SAMPLES)
+        return self._with(self.outlines.select(kept, every), self.index[kept])
+
+    def sparse(self) -> "Turntable":
+        """The same on every other point."""
+        every = np.arange(len(self.index))
+        return self._with(self.outlines.select(every, 2), self.index)
+
+    def only(self, samples: np.ndarray) -> "Turntable":
+        """The same with residuals at some points of the outlines, [samples] bool, alone."""
+        known = self.outlines.known & samples
+        return self._with(replace(self.outlines, known=known), self.index)
+
+    def cameras_at(
+        self, x: np.ndarray, places: int
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """``camera`` of so many places in the turn, also of those without a silhouette.
+
+        Returns:
+            K [3, 3], R [places, 3, 3], t [places, 3], and the offsets [places], 0 without one
+        """
+        offsets = np.zeros(places)
+        offsets[self.index] = x[len(NAMES) :]
+        whole = self._with(self.outlines, np.arange(places))
+        return *whole.camera(np.r_[x[: len(NAMES)], offsets]), offsets
+
+    def _with(self, outlines: Outlines, index: np.ndarray) -> "Turntable":
+        part = copy(self)
+        part.outlines, part.index = outlines, index
+        return part
+
+    def start(self, elevation: float, half_angle: float, step: float) -> np.ndarray:
+        """Parameters with the axis amid the silhouettes."""
+        log_tan = math.log(math.tan(math.radians(half_angle)))
+        return np.array([elevation, 0, self.column, log_tan, step] + [0] * len(self.index))
+
+    def rotations(self, x: np.ndarray) -> np.ndarray:
+        """From the world to each view: [views, 3, 3]."""
+        e, roll = np.radians(x[[ELEVATION, ROLL]])
+        a = np.radians(x[STEP] * self.index + x[STEP + 1 :])
+        tilt = np.array(
+            [[1, 0, 0], [0, -math.cos(e), math.sin(e)], [0, -math.sin(e), -math.cos(e)]]
+        )
+        lean = np.array(
+            [[math.cos(roll), -math.sin(roll), 0], [math.sin(roll), math.cos(roll), 0], [0, 0, 1]]
+        )
+        turn = np.zeros((len(a), 3, 3))
+        turn[:, 0, 0], turn[:, 0, 2] = np.cos(a), -np.sin(a)
+        turn[:, 2, 0], turn[:, 2, 2] = np.sin(a), np.cos(a)
+        turn[:, 1, 1] = 1
+        return lean @ tilt @ turn
+
+    def camera(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """K [3, 3], R [views, 3, 3], t [views, 3]."""
+        half, focal = self.size / 2, self.size / 2 / math.exp(x[VIEW])
+        K = np.array([[focal, 0, half], [0, focal * self.aspect, half], [0, 0, 1]])
+        unit = WIDTH / self.size  # of a pixel at the axis
+        t = [(x[AXIS] - half) * unit, (self.row - half) * unit / self.aspect, focal * unit]
+        return K, self.rotations(x), np.tile(t, (len(self.index), 1))
+
+    def pose(self, x: np.ndarray) -> Pose:
+        """The cameras for the kernels."""
+        return place(*self.camera(x), self.outlines.points)
+
+    def misses(self, x: np.ndarray) -> Misses:
+        """The data's residuals."""
+        return find_misses(self.outlines, self.pose(x), self.radius)
+
+    def slopes(self, x: np.ndarray, misses: Misses) -> np.ndarray:
+        """The data's derivatives where it missed: [views, samples, parameters]."""
+        shared = len(NUDGE)
+        slopes = np.zeros((*misses.pixels.shape, len(x)))
+        for i, nudge in enumerate(NUDGE):
+            up, down = (self.pose(x + d * np.eye(len(x))[i]) for d in (nudge, -nudge))
+            at = [measure_at(self.outlines, misses, pose, pose) for pose in (up, down)]
+            slopes[..., i] = (at[0] - at[1]) / (2 * nudge)
+        here, nudge = self.pose(x), NUDGE[ELEVATION]
+        every = np.r_[np.zeros(shared), np.ones(len(x) - shared)]
+        up, down = (self.pose(x + d * every) for d in (nudge, -nudge))
+        own = [measure_at(self.outlines, misses, pose, here) for pose in (up, down)]
+        other = [measure_at(self.outlines, misses, here, pose) for pose in (up, down)]
+        view, sample = np.nonzero(misses.view >= 0)
+        missed = misses.view[view, sample]
+        slopes[view, sample, shared + view] = ((own[0] - own[1]) / (2 * nudge))[view, sample]
+        slopes[view, sample, shared + missed] = ((other[0] - other[1]) / (2 * nudge))[view, sample]
+        return slopes
+
+    def secants(self, x: np.ndarray) -> np.ndarray:
+        """Differences over changes that show, of shared parameters: [views, samples, parameters].
+
+        A residual is 0 on one side, so where silhouettes and cameras agree it has no derivative,
+        although the parameters may be well known.
+        """
+        probes = PROBE / [1, 1, 1, 1, len(self.index)]
+        sides = [
+            [self.misses(x + side * probe * np.eye(len(x))[i]).pixels for side in (1, -1)]
+            for i, probe in enumerate(probes)
+        ]
+        each = [(up - down) / (2 * p) for (up, down), p in zip(sides, probes, strict=True)]
+        return np.stack(each, axis=-1)
+
+    def prior(self) -> tuple[np.ndarray, np.ndarray]:
+        """Mean and standard deviation of every parameter before the data."""
+        sd = np.concatenate([PRIOR_SD, np.full(len(self.index), JITTER)])
+        sd[AXIS] = self.size / 10
+        mean = np.concatenate([PRIOR, np.zeros(len(self.index))])
+        mean[AXIS] = self.column
+        if self.distance is not None:  # the object's size is twice its reach
+            mean[VIEW] = math.log(self.size / 2 / (2 * self.reach * self.distance))
+            sd[VIEW] = DISTANCE_SD
+        return mean, sd
+
+    def fit(self, start: np.ndarray, free: np.ndarray, steps: int) -> OptimizeResult:
+        """Least squares over the parameters ``free``; x of the result holds all of them.
+
+        A camera that starts above the table stays there, and so does one below.
+        """
+        mean, sd = self.prior()
+        worth = NOISE * math.sqrt(self.outlines.known.shape[1] / INDEPENDENT)  # of a measurement
+        last: list[tuple[bytes, Misses]] = []
+
+        def whole(part: np.ndarray) -> np.ndarray:
+            x = start.copy()
+            x[free] = part
+            return x
+
+        def residuals(part: np.ndarray) -> np.ndarray:
+            x = whole(part)
+            last[:] = [(part.tobytes(), self.misses(x))]
+            return np.r_[last[0][1].pixels.ravel(), worth * ((x - mean) / sd)[free]]
+
+        def jacobian(part: np.ndarray) -> np.ndarray:
+            x = whole(part)
+            misses = last[0][1] if last[0][0] == part.tobytes() else self.misses(x)
+            data = self.slopes(x, misses).reshape(-1, len(x))[:, free]
+            return np.concatenate([data, np.diag(worth / sd[free])])
+
+        spread = np.r_[SPREAD, np.full(len(self.index), JITTER)]
+        bounds = self._bounds(start)[:, free]
+        found = least_squares(
+            residuals, np.clip(start[free], bounds[0] + 1e-6, bounds[1] - 1e-6), jacobian,
+            bounds=bounds, x_scale=spread[free], loss="soft_l1", f_scale=SOFT, tr_solver="lsmr",
+            max_nfev=steps, ftol=1e-4, xtol=1e-5,
+        )  # fmt: skip
+        found.x = whole(found.x)
+        return found
+
+    def _bounds(self, start: np.ndarray) -> np.ndarray:
+        """Least and greatest parameters: [2, parameters]."""
+        bounds = np.array([[-np.inf], [np.inf]]).repeat(len(start), axis=1)
+        bounds[:, ELEVATION] = (-OVER, 75) if start[ELEVATION] >= 0 else (-75, OVER)
+        bounds[:, ROLL] = -30, 30
+        bounds[:, AXIS] = -self.size / 2, 1.5 * self.size
+        bounds[:, VIEW] = np.log(np.tan(np.radians([1.0, 45.0])))
+        return bounds
+
+    def cost(self, x: np.ndarray) -> float:
+        """Mean square of the data's residuals, in square pixels, large ones counting less."""
+        return float(self._squares(x)[self.outlines.known].mean())
+
+    def view_costs(self, x: np.ndarray) -> np.ndarray:
+        """The same of each view: [views]; 0 for one with no outline."""
+        known = self.outlines.known
+        return (self._squares(x) * known).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+
+    def _squares(self, x: np.ndarray) -> np.ndarray:
+        return SOFT**2 * 2 * (np.sqrt(1 + (self.misses(x).pixels / SOFT) ** 2) - 1)
+
+    def excess(self, better: float, worse: float) -> float:
+        """By how many standard errors one cost exceeds another."""
+        square = INDEPENDENT * len(self.index) * (worse - better) / max(better, NOISE**2)
+        return math.copysign(math.sqrt(abs(square)), square)
+
+
+def mirrored(x: np.ndarray) -> np.ndarray:
+    """The parameters that show the mirrored object the same from very far.
+
+    Depth turned about, D = diag(1, 1, -1), takes R = lean tilt(e) turn(a) to D R = R' D with
+    R' = lean tilt(-e) turn(-a).
+    """
+    twin = x.copy()
+    twin[ELEVATION] *= -1
+    twin[STEP:] *= -1
+    return twin

@@ -1,0 +1,107 @@
+"""What a fitted mesh comes to: the content of ``metrics.json``."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from silmesh.evaluation.mesh_quality import measure_quality
+from silmesh.geometry.camera import MIRROR, Cameras
+from silmesh.geometry.mesh_files import to_tensors
+from silmesh.geometry.silhouette_iou import silhouette_iou
+from silmesh.scene.scene import Scene
+from silmesh.views import held_out
+
+
+def evaluate(
+    mesh: trimesh.Trimesh,
+    cameras: Cameras,
+    scene: Scene,
+    last: Mapping[str, Any],
+    sigma: float,
+    holdout: int = 0,
+    first: Mapping[str, Any] | None = None,
+    silhouettes: str | None = None,
+    truth: trimesh.Trimesh | None = None,
+    align: bool = False,
+) -> dict[str, Any]:
+    """Measure a fitted mesh: IoU with its silhouettes, and in 3D where a truth is given.
+
+    Args:
+        mesh: in the cameras' world
+        cameras: of the scene's views, as the fit left them
+        scene: after its silhouettes were judged
+        last: ``loss``, ``iteration`` and ``seconds`` of the fit's last step
+        sigma: as in the fit, in squared half-image units
+        holdout: every n-th view was kept out of the fit; 0 for none
+        first: what is said of the initial mesh
+        silhouettes: where they lie, as the metrics say it
+        truth: the true mesh, in the cameras' world
+        align: lay the mesh on the truth first
+    Returns:
+        the metrics, for JSON: ``docs/metrics.md`` says what each is
+    """
+    iou = silhouette_iou(*to_tensors(mesh), cameras, scene.silhouettes, sigma)
+    told = scene.told
+    metrics = {
+        **summarise_iou(iou, held_out(len(iou), holdout)),
+        "hull_iou_mean": float(scene.coherence.mean()),
+        "views": len(iou),
+        "views_dropped": len(told["dropped"]),
+        "views_repaired": len(told.get("repaired", [])),
+        "hull_doubtful": ", ".join(told["doubtful"]) or None,
+        "measured": told.get("measured", []),
+        "silhouettes_contradicted": told.get("contradicted", []),
+        "loss_final": float(last["loss"]),
+        "iterations": int(last["iteration"]) + 1,
+        "fit_seconds": float(last["seconds"]),
+        "vertices": len(mesh.vertices),
+        "faces": len(mesh.faces),
+        **measure_quality(mesh),
+        "silhouettes": silhouettes,
+    }
+    if truth is not None:
+        if told.get("mirrored"):  # as the world of the mesh is
+            truth = truth.copy()
+            truth.apply_transform(np.diag([*MIRROR, 1.0]))
+        metrics |= _compare(mesh, truth, align)
+    metrics["cameras"] = {
+        "source": told["cameras"],
+        "because": told["cameras_because"],
+        "attempts": told["attempts"],
+        "dropped": told["dropped"],
+        "mirrored": told.get("mirrored", False),
+        "warnings": told["warnings"],
+    }
+    if first is not None:
+        metrics["first"] = dict(first)
+    metrics["iou"] = dict(zip(cameras.views, iou.tolist(), strict=True))
+    return metrics
+
+
+def _compare(
+    mesh: trimesh.Trimesh, truth: trimesh.Trimesh, laid: bool
+) -> dict[str, bool | float | dict | None]:
+    """Compare a mesh to the truth, after it was ``laid`` on it if that is asked for."""
+    # What only a truth needs: libraries that take half a second of a run without one.
+    from silmesh.evaluation.ground_truth import compare_to_truth
+    from silmesh.evaluation.registration import align
+
+    if not laid:
+        return compare_to_truth(mesh, truth)
+    found = align(mesh, truth)
+    moved = trimesh.Trimesh(found.apply(mesh.vertices), mesh.faces, process=False)
+    placement = {"scale": found.scale, "R": found.R.tolist(), "t": found.t.tolist()}
+    told = {"aligned": True, "scale": found.scale, "placement": placement}
+    return told | compare_to_truth(moved, truth)
+
+
+def summarise_iou(values: np.ndarray, held_out: Sequence[int]) -> dict[str, float | None]:
+    """Mean and least over the fitted views, mean over the held-out ones (None without)."""
+    fitted = np.delete(values, list(held_out))
+    return {
+        "iou_mean": float(fitted.mean()),
+        "iou_min": float(fitted.min()),
+        "iou_holdout": float(values[list(held_out)].mean()) if len(held_out) else None,
+    }

@@ -1,0 +1,158 @@
+"""Undistortion: silhouettes and images as pinhole cameras would see them, once, before the scene.
+
+Each pixel of the new image is sought where the lens puts it in the old one. A lens that moves no
+pixel of a silhouette's surroundings by more than ``MATTERS`` is left out instead: resampling would
+cost more than it mends. The new camera has the old K; where the straightened silhouette would leave
+the image that it lay within, the new camera sees more, about the middle of the image.
+"""
+
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from PIL import Image
+
+from silmesh.errors import InputError
+from silmesh.geometry.camera import Cameras
+from silmesh.geometry.lens import Lens
+
+MATTERS = 0.1  # pixels of the working image
+MARGIN = 1.0  # pixels kept free around a silhouette for which the camera has to see more
+
+
+@dataclass(frozen=True)
+class Straightened:
+    """Pinhole cameras, and how to make their images.
+
+    Attributes:
+        cameras: without lenses
+        sources: by the views that change: [height, width, 2] float32, where each pixel of the new
+            image lies in the old one, in pixels; NaN where it showed nothing
+        displacement: in pixels of the working images, the largest that any lens causes
+    """
+
+    cameras: Cameras
+    sources: Mapping[str, np.ndarray]
+    displacement: float
+
+    def silhouettes(self, old: np.ndarray) -> np.ndarray:
+        """Silhouettes [views, height, width] bool in the order of the cameras, straightened."""
+        views = zip(self.cameras.views, old, strict=True)
+        return np.stack([self._silhouette(view, seen) for view, seen in views])
+
+    def _silhouette(self, view: str, old: np.ndarray) -> np.ndarray:
+        if view not in self.sources:
+            return old
+        return _sample(old[..., None] * 1.0, self.sources[view], "bilinear")[..., 0] >= 0.5
+
+    def image(self, view: str, old: Image.Image) -> Image.Image:
+        """A view's working image, straightened."""
+        if view not in self.sources:
+            return old
+        pixels = np.asarray(old, np.float64)
+        sampled = _sample(np.atleast_3d(pixels), self.sources[view], "bicubic")
+        rounded = sampled.round().clip(0, 255).astype(np.uint8)
+        return Image.fromarray(rounded.reshape(pixels.shape))
+
+    def write_image(self, view: str, old: Path, new: Path) -> None:
+        """Write the file of a view's working image, straightened."""
+        if view not in self.sources:
+            shutil.copyfile(old, new)
+            return
+        with Image.open(old) as image:
+            self.image(view, image).save(new)
+
+
+def straighten(cameras: Cameras, silhouettes: np.ndarray) -> Straightened:
+    """Take the lenses away from cameras.
+
+    A view whose silhouette is empty is taken to show the object where any of the others does.
+
+    Args:
+        cameras: in pixels of the silhouettes
+        silhouettes: [views, height, width] bool, not all empty
+
+    Raises:
+        InputError: a silhouette lies where its lens shows no direction that a pinhole sees
+    """
+    K, sources, most = cameras.K.numpy().copy(), {}, 0.0
+    anywhere = silhouettes.any(axis=0)
+    for i, (view, lens, seen) in enumerate(
+        zip(cameras.views, cameras.lenses, silhouettes, strict=True)
+    ):
+        if lens is None:
+            continue
+        seen = seen if seen.any() else anywhere
+        outline = _box_points(seen)
+        straight = _unbend(outline, K[i], lens)
+        if not np.isfinite(straight).all():
+            raise InputError(
+                f"view {view!r}: its lens {lens.model} {list(lens.parameters)} shows nothing where "
+                "the silhouette lies; the camera may be another photograph's"
+            )
+        moved = float(np.linalg.norm(straight - outline, axis=1).max())
+        most = max(most, moved)
+        if moved > MATTERS:
+            new = _fit(straight, seen) @ K[i]
+            sources[view] = _find_sources(seen.shape, new, K[i], lens)
+            K[i] = new
+    pinholes = replace(cameras, K=torch.as_tensor(K), lenses=())
+    return Straightened(pinholes, sources, most)
+
+
+def _box_points(silhouette: np.ndarray) -> np.ndarray:
+    """Pixels [n, 2] all around a silhouette: the border of its box, and its corners."""
+    rows, columns = (np.flatnonzero(silhouette.any(axis=axis)) for axis in (1, 0))
+    x = np.linspace(columns[0], columns[-1] + 1, 17)
+    y = np.linspace(rows[0], rows[-1] + 1, 17)
+    sides = [np.stack(np.meshgrid(x, y[[0, -1]]), -1), np.stack(np.meshgrid(x[[0, -1]], y), -1)]
+    return np.concatenate([side.reshape(-1, 2) for side in sides])
+
+
+def _normalise(pixels: np.ndarray, K: np.ndarray) -> np.ndarray:
+    """Pixels [..., 2] to normalised coordinates."""
+    homogeneous = np.concatenate([pixels, np.ones_like(pixels[..., :1])], axis=-1)
+    return (homogeneous @ np.linalg.inv(K).T)[..., :2]
+
+
+def _to_pixels(points: np.ndarray, K: np.ndarray) -> np.ndarray:
+    """Normalised coordinates [..., 2] to pixels."""
+    return points @ K[:2, :2].T + K[:2, 2]
+
+
+def _unbend(pixels: np.ndarray, K: np.ndarray, lens: Lens) -> np.ndarray:
+    """Where the pinhole K sees what lies at these pixels behind the lens."""
+    return _to_pixels(lens.undistort(_normalise(pixels, K)), K)
+
+
+def _fit(straight: np.ndarray, silhouette: np.ndarray) -> np.ndarray:
+    """The shrinking [3, 3] about the image's middle that keeps a silhouette's box within it."""
+    middle = np.array(silhouette.shape[::-1]) / 2
+    reach = (np.abs(straight - middle) / (middle - MARGIN)).max()
+    touches = silhouette[[0, -1]].any() or silhouette[:, [0, -1]].any()
+    scale = 1.0 if touches else 1 / max(1.0, float(reach))
+    return np.array([[scale, 0, 0], [0, scale, 0], [0, 0, 1]]) + np.outer(
+        [*middle * (1 - scale), 0], [0, 0, 1]
+    )
+
+
+def _find_sources(
+    shape: tuple[int, int], new: np.ndarray, old: np.ndarray, lens: Lens
+) -> np.ndarray:
+    """Where each pixel's centre of a new image [height, width] lies in the old one."""
+    rows, columns = np.indices(shape)
+    centres = np.stack([columns, rows], axis=-1) + 0.5
+    return _to_pixels(lens.distort(_normalise(centres, new)), old).astype(np.float32)
+
+
+def _sample(image: np.ndarray, sources: np.ndarray, mode: str) -> np.ndarray:
+    """An image [height, width, channels] at pixels [height, width, 2]; zero beyond it."""
+    size = torch.tensor(image.shape[1::-1])
+    grid = torch.as_tensor(sources) / size * 2 - 1  # -1 and 1 are the borders, not the centres
+    grid = grid.nan_to_num(nan=-3.0).unsqueeze(0)
+    planes = torch.as_tensor(np.moveaxis(image, -1, 0)).to(grid).unsqueeze(0)
+    sampled = torch.nn.functional.grid_sample(planes, grid, mode, "zeros", align_corners=False)
+    return np.moveaxis(sampled[0].numpy(), 0, -1)

@@ -1,0 +1,364 @@
+"""The visual hull: the largest body that every silhouette allows (Laurentini 1994).
+
+Each silhouette becomes a signed distance to its outline, positive inside. The hull's field at a
+world point is the least of these over the views at the point's projections, so its zero level is
+the hull's surface, finer than the grid that it is sampled on. A hull that tolerates k disagreeing
+views takes the least but k.
+
+The grid is filled in blocks, large ones first. A signed distance changes no faster than one moves,
+so its value at a block's middle bounds it in all of the block: most blocks lie wholly outside or
+wholly inside, and in the parts of the others few views can be the ones that decide.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from numba import njit
+from skimage.measure import marching_cubes
+
+from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
+from silmesh.geometry.frame import is_cut
+from silmesh.geometry.signed_distance import signed_distance
+
+REACH = 1 / 16  # of the image's side: distances to the outline are cut off there
+COARSE = 48  # samples a side of the first grid, which only finds the box that the hull fills
+BLOCKS = (16, 4, 2)  # samples a side of a block, of its parts, and of theirs
+STEEP = 1.4143  # the most that a distance changes a pixel once it is interpolated
+
+
+@dataclass(frozen=True)
+class Hull:
+    """A sampled field whose zero level is the hull's surface, positive inside.
+
+    Attributes:
+        field: [n, n, n] float32 over x, y, z, in pixels
+        origin: [3], the world point of the first sample
+        spacing: [3], between samples
+    """
+
+    field: np.ndarray
+    origin: np.ndarray
+    spacing: np.ndarray
+
+    @property
+    def empty(self) -> bool:
+        """Whether no sample lies in the hull: the cameras and silhouettes contradict each other."""
+        return not (self.field > 0).any()
+
+    def surface(self) -> tuple[np.ndarray, np.ndarray]:
+        """The hull as a closed mesh: vertices [verts, 3] in the world, faces [faces, 3]."""
+        closed = np.pad(self.field, 1, constant_values=-np.abs(self.field).max())
+        verts, faces, _, _ = marching_cubes(closed, 0.0, gradient_direction="ascent")
+        return self.origin + (verts - 1) * self.spacing, faces
+
+    def coarser(self, every: int) -> "Hull":
+        """The same field on every so many-th sample along each axis."""
+        return Hull(self.field[::every, ::every, ::every], self.origin, every * self.spacing)
+
+
+class _Outlines(NamedTuple):
+    """All views for the kernels.
+
+    Attributes:
+        distances: [views, height, width] float32, signed, cut off at ``far``
+        cut: [views] bool, whether the frame cuts the silhouette
+        P: [views, 3, 4]
+        ahead: [views], by how much a step of length 1 changes the depth at most
+        across: [views], by how many pixels it moves a point of the image at depth 1 at most
+        far: pixels
+    """
+
+    distances: np.ndarray
+    cut: np.ndarray
+    P: np.ndarray
+    ahead: np.ndarray
+    across: np.ndarray
+    far: float
+
+
+def carve(
+    silhouettes: np.ndarray, cameras: Cameras, resolution: int = 128, tolerated: int = 0
+) -> Hull:
+    """Carve the visual hull out of the cube about the sphere that holds the object.
+
+    Args:
+        silhouettes: [views, height, width] bool
+        cameras: of these views, in the normalised world
+        resolution: samples along each side of the box that the hull fills
+        tolerated: how many views may put a point of the hull outside
+    """
+    low, high = np.full(3, -1.6 * OBJECT_RADIUS), np.full(3, 1.6 * OBJECT_RADIUS)
+    with ThreadPoolExecutor(torch.get_num_threads()) as pool:
+        seen = _outlines(silhouettes, cameras, pool)
+        cell = _half_cell(cameras, (high - low) / (COARSE - 1))
+        coarse = _sample(seen, low, high, COARSE, tolerated, cell, pool)
+        filled = np.argwhere(coarse.field > -min(0.95 * seen.far, cell))
+        if not len(filled):
+            return coarse
+        low = coarse.origin + (filled.min(axis=0) - 1) * coarse.spacing
+        high = coarse.origin + (filled.max(axis=0) + 1) * coarse.spacing
+        cell = 2 * _half_cell(cameras, (high - low) / (resolution - 1))
+        return _sample(seen, low, high, resolution, tolerated, cell, pool)
+
+
+def find_doubtful(silhouettes: np.ndarray, cameras: Cameras) -> list[int]:
+    """The fewest views without which the most would be in the hull that is not.
+
+    Where the hull is empty these are the views that empty it: those that put outside what the
+    fewest views put outside. Else it is the view that alone cuts off the most.
+
+    Args:
+        silhouettes: [views, height, width] bool
+        cameras: of these views, in the normalised world
+    Returns:
+        positions of views; none if no view is alone in what it cuts off
+    """
+    low, spacing = np.full(3, -OBJECT_RADIUS), np.full(3, 2 * OBJECT_RADIUS / (COARSE - 1))
+    with ThreadPoolExecutor(torch.get_num_threads()) as pool:
+        seen = _outlines(silhouettes, cameras, pool)
+    against = _votes_against(seen, low, spacing, COARSE)
+    fewest = max(1, int(against.sum(axis=1).min()))
+    sets, count = np.unique(against[against.sum(axis=1) == fewest], axis=0, return_counts=True)
+    return np.flatnonzero(sets[count.argmax()]).tolist() if len(sets) else []
+
+
+def _outlines(silhouettes: np.ndarray, cameras: Cameras, pool: ThreadPoolExecutor) -> _Outlines:
+    height, width = silhouettes.shape[1:]
+    far = REACH * max(height, width)
+    distances = np.stack(list(pool.map(lambda s: signed_distance(s, far), silhouettes)))
+    P = np.ascontiguousarray(cameras.projections.numpy())
+    corners = np.array([[0, 0], [0, height], [width, 0], [width, height]])
+    off = P[:, None, :2, :3] - corners[:, :, None] * P[:, None, 2:, :3]  # [views, 4, 2, 3]
+    across = np.sqrt((off**2).sum(axis=(2, 3))).max(axis=1)  # convex in the pixel
+    ahead = np.linalg.norm(P[:, 2, :3], axis=1)
+    return _Outlines(distances, is_cut(silhouettes), P, ahead, across, far)
+
+
+def _half_cell(cameras: Cameras, spacing: np.ndarray) -> float:
+    """How many pixels half a cell's diagonal spans in the closest view."""
+    nearest = (cameras.centres.norm(dim=1) - OBJECT_RADIUS).clamp(min=1e-3)
+    return float((cameras.K[:, 0, 0] / nearest).max()) * float(np.linalg.norm(spacing)) / 2
+
+
+def _sample(
+    seen: _Outlines,
+    low: np.ndarray,
+    high: np.ndarray,
+    resolution: int,
+    tolerated: int,
+    band: float,
+    pool: ThreadPoolExecutor,
+) -> Hull:
+    """Sample the field on a grid over a box, exactly within ``band`` pixels of its zero level.
+
+    Threads take slabs of constant x, of whole blocks.
+    """
+    field = np.empty((resolution,) * 3, np.float32)
+    spacing = (high - low) / (resolution - 1)
+
+    def fill(start: int) -> None:
+        corner = low + spacing * [start, 0, 0]
+        _fill(field[start : start + BLOCKS[0]], seen, corner, spacing, tolerated, band)
+
+    list(pool.map(fill, range(0, resolution, BLOCKS[0])))
+    return Hull(field, low, spacing)
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _fill(field, seen, low, spacing, tolerated, band):
+    """The least signed distance but ``tolerated`` over the views at every sample [x, y, z].
+
+    A sample that lies beyond a view's image is outside, unless the frame cuts the silhouette: then
+    the view says nothing. A sample of which too few views say anything is outside.
+
+    A block's parts are filled before the next block of its size, so that one list of views for each
+    size, those that may decide in the block at hand, is enough.
+    """
+    views, deepest = len(seen.distances), len(BLOCKS) - 1
+    asked = np.empty((deepest + 2, views), np.int64)
+    asked[0] = np.arange(views)
+    count = np.full(deepest + 2, views)
+    lower = np.empty(views)
+    lows = np.empty((BLOCKS[-1] ** 3, tolerated + 1))
+    largest = 1
+    for samples in field.shape:
+        largest *= samples // BLOCKS[0] + 1
+    parts = len(BLOCKS) * (BLOCKS[0] // BLOCKS[-1]) ** 3
+    waiting = np.empty((largest + parts, 4), np.int64)
+    left = _push(waiting, 0, 0, 0, 0, 0, field.shape)
+    while left:
+        left -= 1
+        i, j, k, level = waiting[left]
+        end = _end(i, j, k, BLOCKS[level], field.shape)
+        half_x = 0.5 * (end[0] - 1 - i) * spacing[0]
+        half_y = 0.5 * (end[1] - 1 - j) * spacing[1]
+        half_z = 0.5 * (end[2] - 1 - k) * spacing[2]
+        x = low[0] + i * spacing[0] + half_x
+        y = low[1] + j * spacing[1] + half_y
+        z = low[2] + k * spacing[2] + half_z
+        radius = np.sqrt(half_x**2 + half_y**2 + half_z**2)
+        here = asked[level, : count[level]]
+        least, most, ended = _bound(seen, here, x, y, z, radius, band, lower, lows)
+        if ended >= 0:  # the next block is shown to this view first
+            here[0], here[ended] = here[ended], here[0]
+            field[i : end[0], j : end[1], k : end[2]] = most
+            continue
+        if least > band:
+            field[i : end[0], j : end[1], k : end[2]] = min(least, seen.far)
+            continue
+        kept = 0
+        for at in range(len(here)):
+            if lower[at] <= most:
+                asked[level + 1, kept] = here[at]
+                kept += 1
+        count[level + 1] = kept
+        if level == deepest:
+            _fill_samples(field, i, j, k, asked[level + 1, :kept], seen, low, spacing, lows)
+        else:
+            left = _push(waiting, left, i, j, k, level + 1, end)
+
+
+@njit(nogil=True, cache=True)
+def _end(i, j, k, side, shape):
+    """The samples after a block's last."""
+    return min(i + side, shape[0]), min(j + side, shape[1]), min(k + side, shape[2])
+
+
+@njit(nogil=True, cache=True)
+def _push(waiting, left, i, j, k, level, end):
+    """Let the blocks of a level between two samples wait, and say how many do."""
+    side = BLOCKS[level]
+    for a in range(i, end[0], side):
+        for b in range(j, end[1], side):
+            for c in range(k, end[2], side):
+                waiting[left] = a, b, c, level
+                left += 1
+    return left
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _fill_samples(field, i, j, k, views, seen, low, spacing, lows):
+    """Fill a smallest block sample by sample from these views."""
+    side, far, m, last = BLOCKS[-1], seen.far, seen.P, lows.shape[1] - 1
+    _, height, width = seen.distances.shape
+    lows[:] = np.inf
+    n, o, p = (
+        min(side, field.shape[0] - i),
+        min(side, field.shape[1] - j),
+        min(side, field.shape[2] - k),
+    )
+    for v in views:
+        nothing = np.inf if seen.cut[v] else -far
+        s = 0
+        for a in range(i, i + n):
+            x = low[0] + a * spacing[0]
+            for b in range(j, j + o):
+                y = low[1] + b * spacing[1]
+                column = m[v, 0, 0] * x + m[v, 0, 1] * y + m[v, 0, 3]
+                row = m[v, 1, 0] * x + m[v, 1, 1] * y + m[v, 1, 3]
+                depth = m[v, 2, 0] * x + m[v, 2, 1] * y + m[v, 2, 3]
+                for c in range(k, k + p):
+                    z = low[2] + c * spacing[2]
+                    near = 1 / (depth + m[v, 2, 2] * z)
+                    u = (column + m[v, 0, 2] * z) * near - 0.5
+                    w = (row + m[v, 1, 2] * z) * near - 0.5
+                    value = nothing
+                    if near > 0 and 0 <= u < width - 1 and 0 <= w < height - 1:
+                        value = _between(seen.distances, v, u, w)
+                    if value < lows[s, last]:
+                        _keep_lowest(lows, s, value)
+                    s += 1
+    s = 0
+    for a in range(i, i + n):
+        for b in range(j, j + o):
+            for c in range(k, k + p):
+                field[a, b, c] = lows[s, last] if lows[s, last] < np.inf else -far
+                s += 1
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _look(seen, v, x, y, z):
+    """A view's signed distance at a point of the world."""
+    m = seen.P
+    near = 1 / (m[v, 2, 0] * x + m[v, 2, 1] * y + m[v, 2, 2] * z + m[v, 2, 3])
+    u = (m[v, 0, 0] * x + m[v, 0, 1] * y + m[v, 0, 2] * z + m[v, 0, 3]) * near - 0.5
+    w = (m[v, 1, 0] * x + m[v, 1, 1] * y + m[v, 1, 2] * z + m[v, 1, 3]) * near - 0.5
+    _, height, width = seen.distances.shape
+    if near > 0 and 0 <= u < width - 1 and 0 <= w < height - 1:
+        return _between(seen.distances, v, u, w)
+    return np.inf if seen.cut[v] else -seen.far
+
+
+@njit(nogil=True, cache=True)
+def _between(images, v, u, w):
+    """An image between the centres of its pixels, which lie at whole numbers here."""
+    c, r = int(u), int(w)
+    u, w = u - c, w - r
+    above = images[v, r, c] * (1 - u) + images[v, r, c + 1] * u
+    below = images[v, r + 1, c] * (1 - u) + images[v, r + 1, c + 1] * u
+    return above * (1 - w) + below * w
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _bound(seen, asked, x, y, z, radius, band, lower, lows):
+    """Bound the field in a ball of the world, from the views ``asked``: least, most and which view
+    ended it, the first after which ``most`` lies below the band; -1 if none.
+
+    A step s from X moves u = (m_0 X) / (m_2 X) by (m_0 - u m_2) s / (m_2 (X + s)).
+
+    Args:
+        lower: [views], to hold the least signed distance of each
+        lows: [2 or more, tolerated + 1], to work with
+    """
+    m, far, images = seen.P, seen.far, seen.distances
+    _, height, width = images.shape
+    lows[:2] = np.inf
+    last = lows.shape[1] - 1
+    for at in range(len(asked)):
+        v = asked[at]
+        depth = m[v, 2, 0] * x + m[v, 2, 1] * y + m[v, 2, 2] * z + m[v, 2, 3]
+        near = 1 / depth
+        u = (m[v, 0, 0] * x + m[v, 0, 1] * y + m[v, 0, 2] * z + m[v, 0, 3]) * near - 0.5
+        w = (m[v, 1, 0] * x + m[v, 1, 1] * y + m[v, 1, 2] * z + m[v, 1, 3]) * near - 0.5
+        nearest = depth - radius * seen.ahead[v]
+        nothing = np.inf if seen.cut[v] else -far
+        reach = radius * seen.across[v] / nearest
+        inside = min(min(u, width - 1 - u), min(w, height - 1 - w))
+        if nearest > 0 and inside < -reach:
+            least = most = nothing
+        elif nearest <= 0 or inside <= reach:
+            least, most = -far, max(far, nothing)
+        else:
+            here = _between(images, v, u, w)
+            least, most = here - STEEP * reach, here + STEEP * reach
+        lower[at] = least
+        if least < lows[0, last]:
+            _keep_lowest(lows, 0, least)
+        if most < lows[1, last]:
+            _keep_lowest(lows, 1, most)
+            if lows[1, last] < -band:
+                return lows[0, last], lows[1, last], at
+    return lows[0, last], lows[1, last], -1
+
+
+@njit(nogil=True, cache=True)
+def _keep_lowest(lows, row, value):
+    """Put a value among the lowest so far of a row, in rising order, if it is one of them."""
+    for i in range(lows.shape[1]):
+        if value < lows[row, i]:
+            lows[row, i], value = value, lows[row, i]
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def _votes_against(seen, low, spacing, resolution):
+    """Whether each view puts each sample of a cubic grid outside: [samples, views] bool."""
+    against = np.empty((resolution**3, len(seen.distances)), np.bool_)
+    for s in range(resolution**3):
+        index = np.array([s // resolution**2, s // resolution % resolution, s % resolution])
+        x, y, z = low + index * spacing
+        for v in range(len(seen.distances)):
+            against[s, v] = _look(seen, v, x, y, z) < 0
+    return against

@@ -1,1 +1,0 @@
-"""Which silhouettes can be trusted, and what is done with those that cannot."""

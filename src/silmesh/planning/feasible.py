@@ -1,0 +1,125 @@
+"""What a run needs of this machine and of its files, looked at before any work.
+
+A step would refuse it too, but after the work of those before it. What is heavy to import is
+imported only for a run that asks for it.
+"""
+
+from functools import cache
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from silmesh.errors import InputError, blaming
+from silmesh.views import count_array_views, find_images
+
+if TYPE_CHECKING:
+    from silmesh.planning.plan import Run
+
+FEWEST_FITTED = 2  # views
+OPAQUE = (".jpg", ".jpeg", ".bmp")  # formats without an alpha channel
+MATTING = ("onnxruntime", "cv2")  # libraries that run the foreground model
+CHECKPOINT = (b"PK\x03\x04", b"\x80")  # how a file of torch's begins: a zip, or a pickle
+
+
+def refuse_infeasible(run: "Run", where: str) -> None:
+    """Refuse a run that cannot come to its end.
+
+    Args:
+        where: the configuration's file
+
+    Raises:
+        InputError: it names the key, what there is, and what would be right
+    """
+    _refuse_lacking_gpu(f"{where}: variants.{run.variant}.fit.device", run.settings.fit.device)
+    _refuse_lacking_model(f"{where}: variants.{run.variant}", run.silhouettes)
+    with blaming(f"{run.dataset.where} (variant {run.variant!r})"):
+        _refuse_opaque(run.silhouettes, run.dataset.images)
+        _refuse_few_views(run)
+
+
+def _refuse_lacking_gpu(key: str, device: str) -> None:
+    if device == "cuda" and not _has_gpu():
+        raise InputError(
+            f"{key}: 'cuda', but torch finds no GPU on this machine; should be 'cpu', or 'auto', "
+            "which takes a GPU where the fit finds one"
+        )
+
+
+@cache
+def _has_gpu() -> bool:
+    import torch
+
+    return torch.cuda.is_available()
+
+
+def _refuse_lacking_model(key: str, silhouettes: str) -> None:
+    if silhouettes == "matting" and not has_matting():
+        raise InputError(
+            f"{key}: silhouettes 'matting' needs a library that is not installed: "
+            "`pip install 'silmesh[matting]'`; or should be another source"
+        )
+
+
+def has_matting() -> bool:
+    """Whether what runs the foreground model is installed."""
+    return all(find_spec(name) for name in MATTING)
+
+
+def _refuse_opaque(silhouettes: str, images: tuple[Path, ...]) -> None:
+    opaque = [image for image in images if image.suffix.lower() in OPAQUE]
+    if silhouettes == "alpha" and opaque:
+        raise InputError(
+            f"{opaque[0]}: silhouettes are 'alpha', but {opaque[0].suffix} has no alpha channel; "
+            "should be PNG, TIFF or WebP, or silhouettes another source"
+        )
+
+
+def _refuse_few_views(run: "Run") -> None:
+    images = run.dataset.images
+    array = images[0].suffix == ".npy"
+    if array and run.cameras == "colmap":
+        raise InputError(
+            f"{images[0]}: an array of images, but cameras 'colmap' needs the photographs as "
+            "files; should be 'calibrate' or a file of cameras"
+        )
+    count = count_array_views(images[0]) if array and images[0].is_file() else len(images)
+    every = run.settings.fit.holdout
+    if every and count - count // every < FEWEST_FITTED:
+        raise InputError(
+            f"fit.holdout: {every} keeps {count // every} of {count} photographs out, which leaves "
+            f"fewer than {FEWEST_FITTED} to fit; should be 0"
+        )
+
+
+def refuse_other_weights(key: str, file: Path) -> None:
+    """Refuse a file that is none of torch's, by how it begins."""
+    try:
+        with open(file, "rb") as opened:
+            begins = opened.read(4)
+    except OSError as error:
+        raise InputError(f"{key}: {file}: cannot be read: {error.strerror}") from error
+    if begins and not begins.startswith(CHECKPOINT):
+        raise InputError(
+            f"{key}: {file}: is no file of weights: torch's begin otherwise; should be one that "
+            "`bin/run train` or torch.save made"
+        )
+
+
+def refuse_unknown_weights(key: str, name: str, model: str) -> None:
+    """Refuse a name of weights that torchvision does not have; DEFAULT it has for each model."""
+    if name == "DEFAULT":
+        return
+    from silmesh.silhouettes.network import list_weights
+
+    if name not in (known := list_weights(model)):
+        raise InputError(
+            f"{key}: {name!r} is none of torchvision's for {model!r}; there are "
+            f"{', '.join(known)}, or a file's path"
+        )
+
+
+def refuse_lacking_backgrounds(key: str, source: str) -> None:
+    """Refuse a folder or a glob without photographs; some come with scikit-image."""
+    if source != "shipped":
+        with blaming(key):
+            find_images(Path(source))

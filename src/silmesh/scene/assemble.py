@@ -1,0 +1,179 @@
+"""A scene from attempts at cameras: undistort, take the most coherent, normalise the world."""
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from silmesh.cameras.attempt import CHECK_SERIES, FILE, TRY_CALIBRATE, Attempt
+from silmesh.errors import InputError, blaming
+from silmesh.geometry.thresholds import COHERENT
+from silmesh.geometry.undistortion import Straightened
+from silmesh.geometry.visual_hull import find_doubtful
+from silmesh.scene.agreement import Placed, choose, find_shown, refused_or
+from silmesh.scene.conventions import settle
+from silmesh.scene.diagnosis import MEASURED, diagnose
+from silmesh.scene.scene import Scene
+from silmesh.views import View
+
+
+@dataclass(frozen=True)
+class Assembled:
+    """A scene, and what it was made of.
+
+    Attributes:
+        scene: the views that have a camera
+        straightened: how the working images become those of the scene's cameras
+        taken: position of the attempt that was taken
+        attempt: the same, with what the silhouettes say among its warnings
+    """
+
+    scene: Scene
+    straightened: Straightened
+    taken: int
+    attempt: Attempt
+
+
+def build_scene(
+    attempts: Sequence[Attempt],
+    views: Sequence[View],
+    silhouettes: np.ndarray,
+    keep_world: bool = False,
+    lost: Mapping[str, str] | None = None,
+    names: Sequence[str] | None = None,
+) -> Assembled:
+    """Take the cameras that agree best with the silhouettes, and normalise their world.
+
+    Args:
+        attempts: at the cameras of these views
+        views: all views, in the order in which they were taken
+        silhouettes: [views, size, size] bool, empty where there is none
+        keep_world: the cameras' world is normalised already
+        lost: of which views something could not be read, and what
+        names: what messages call each attempt that came of no file; its source if not given
+
+    Raises:
+        InputError: no attempt gives cameras that can be used; says why, and what was measured
+    """
+    silhouettes_of = _Silhouettes(views, silhouettes)
+    named = zip(attempts, names or [attempt.source for attempt in attempts], strict=True)
+    placed = [_place(attempt, name, silhouettes_of, keep_world) for attempt, name in named]
+    attempts, stood = [attempt for attempt, _ in placed], [place for _, place in placed]
+    if not any(stood):
+        ordered = any(attempt.source != FILE for attempt in attempts)
+        raise InputError(_explain(attempts, diagnose(silhouettes, views, ordered=ordered)))
+    taken, why = choose(attempts, stood)
+    attempt, best = attempts[taken], stood[taken]
+    seen = best.straightened.silhouettes(silhouettes_of(best.cameras.views))
+    told = {
+        **_tell_cameras(attempt, best, why),
+        "doubtful": _name_doubtful(best, seen),
+        "warnings": list(attempt.warnings),
+        "figures": dict(attempt.figures),
+        "mirrored": attempt.mirrored,
+        "measured": diagnose(silhouettes, views, coherent=best.mean >= COHERENT),
+        "lost": dict(lost or {}),
+        **_tell_views(best, views),
+        "attempts": [
+            {"source": a.source, "came_to": refused_or(a, p), "warnings": list(a.warnings)}
+            for a, p in placed
+        ],
+    }
+    scene = Scene(best.cameras, best.similarity, seen, best.coherence, told)
+    return Assembled(scene, best.straightened, taken, attempt)
+
+
+class _Silhouettes:
+    """The silhouettes of all views [views, size, size], to be had of some by their names."""
+
+    def __init__(self, views: Sequence[View], silhouettes: np.ndarray):
+        self._places = {view.view: place for place, view in enumerate(views)}
+        self._all = silhouettes
+
+    def __call__(self, views: Sequence[str]) -> np.ndarray:
+        return self._all[[self._places[view] for view in views]]
+
+
+def _place(
+    attempt: Attempt, name: str, silhouettes_of: _Silhouettes, keep_world: bool
+) -> tuple[Attempt, Placed | None]:
+    """An attempt and its cameras in the normalised world; None, and why, if it gives none."""
+    if attempt.cameras is None:
+        return attempt, None
+    try:
+        with blaming(attempt.figures.get("file", name)):
+            return settle(attempt, silhouettes_of(attempt.cameras.views), keep_world)
+    except InputError as error:
+        return replace(attempt, refusal=str(error)), None
+
+
+def _tell_cameras(attempt: Attempt, best: Placed, why: str) -> dict[str, Any]:
+    """What ``scene.json`` says of the cameras that are taken."""
+    return {
+        "undistorted": len(best.straightened.sources),
+        "displacement": best.straightened.displacement,
+        "cameras": attempt.source,
+        "cameras_because": why,
+        "dropped": dict(attempt.dropped),
+    }
+
+
+def _tell_views(best: Placed, views: Sequence[View]) -> dict[str, Any]:
+    """What it says of photographs, and where they lie in their working images."""
+    frames = _frames(best, views)
+    return {
+        "unreadable": [view.view for view in views if view.unreadable],
+        "frame": _around(frames.values()),
+        "frames": frames,
+    }
+
+
+def _explain(attempts: Sequence[Attempt], findings: Sequence[str]) -> str:
+    """Why there are no cameras: what each attempt came to, and what was measured beside it.
+
+    Advice is left out of which the attempts or the findings show that it leads nowhere.
+    """
+    tried = {attempt.source for attempt in attempts}
+    idle = [TRY_CALIBRATE] * ("calibrate" in tried) + [CHECK_SERIES] * bool(findings)
+    refusals = [str(attempt.refusal) for attempt in attempts]
+    for advice in idle:
+        refusals = [refusal.replace(advice, "") for refusal in refusals]
+    refusals = _drop_alike(refusals)
+    several = ["no cameras were found:"] if len(refusals) > 1 else []
+    measured = [f"{MEASURED}{finding}" for finding in findings]
+    return "\n  ".join([*several, *refusals, *measured])
+
+
+def _drop_alike(refusals: Sequence[str]) -> list[str]:
+    """Those that differ in more than their figures, as COLMAP's with and without masks may not."""
+    return list({re.sub(r"\d+", "", refusal): refusal for refusal in refusals}.values())
+
+
+def _frames(best: Placed, views: Sequence[View]) -> dict[str, list[int]]:
+    """Left, top, right and bottom of each photograph in its working image.
+
+    An undistorted photograph has no straight border, and is taken to fill its image.
+    """
+    return {
+        view.view: [0, 0, view.size, view.size]
+        if view.view in best.straightened.sources
+        else list(view.frame)
+        for view in views
+        if view.view in best.cameras.views
+    }
+
+
+def _around(frames: Iterable[Sequence[int]]) -> list[int]:
+    """The box that holds all of some frames: left, top, right and bottom."""
+    left, top, right, bottom = zip(*frames, strict=True)
+    return [min(left), min(top), max(right), max(bottom)]
+
+
+def _name_doubtful(best: Placed, seen: np.ndarray) -> list[str]:
+    """The views that lower the coherence most, if it is low."""
+    if best.mean >= COHERENT:
+        return []
+    views, shown = best.cameras.views, find_shown(seen)
+    return [views[shown[i]] for i in find_doubtful(seen[shown], best.cameras.select(shown))]

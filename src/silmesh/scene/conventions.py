@@ -1,0 +1,349 @@
+"""Cameras from a file, judged by the silhouettes: taken, mirrored, or refused with what would fit.
+
+What only suggests that a file is wrong gives way to what the silhouettes show. Matrices of a
+left-handed world are taken in its mirror image, and matrices whose axes pass their photographs by
+as they are, where the visual hull fills the silhouettes. Where the cameras as read do not fit,
+other conventions are tried: a pose written the other way round, other axes of the camera, pixels
+counted from another side. One that fits is named, with how to convert the file; it is not taken,
+since a guess that is nearly right would pass unseen.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import permutations, product
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from silmesh.cameras.attempt import (
+    CAMERA_TO_WORLD,
+    CAMERA_TO_WORLD_OPENGL,
+    FILE,
+    WORLD_TO_CAMERA,
+    Attempt,
+)
+from silmesh.errors import InputError
+from silmesh.geometry.camera import OPENGL, Cameras
+from silmesh.geometry.thresholds import COHERENT, REFUSED
+from silmesh.geometry.undistortion import straighten
+from silmesh.scene.agreement import FEWEST, NEAR, Placed, find_shown, place
+from silmesh.scene.scene import find_middles, find_object
+
+FITS = 0.8  # hull IoU from which another convention is named
+GAIN = 0.1  # by which its hull IoU has to be above that of the file's own
+VIEWS = 10  # that conventions are tried with
+RESOLUTION = 48  # of their hulls
+APART = 0.5  # of half a silhouette's box: how far rays may pass the point where they should meet
+MOST = 32  # conventions whose hulls are carved, those first that are the most usual
+
+OPENCV = np.eye(3)  # a camera's own axes are ours
+NAMES = {tuple(OPENCV.ravel()): "OpenCV's axes", tuple(OPENGL.ravel()): "OpenGL's axes"}
+DIRECTIONS = (("right", "left"), ("down", "up"), ("forward", "back"))
+USUAL = (OPENCV, OPENGL, np.diag([-1.0, -1, 1]), np.diag([1.0, -1, 1]))
+OF_OTHER_PIXELS = (
+    "The cameras should be for the photographs' own pixels. If these were scaled or cropped since, "
+    "give the original ones"
+)
+
+
+class Pose(NamedTuple):
+    """How a file may write a pose: a 3x3 matrix and a vector, read as R and t.
+
+    Attributes:
+        name: in messages
+        inverse: whether the matrix is from camera to world, so that R is its transpose
+        centre: whether the vector is where the camera stands
+    """
+
+    name: str
+    inverse: bool
+    centre: bool
+
+
+POSES = (
+    Pose(CAMERA_TO_WORLD, True, True),
+    Pose(WORLD_TO_CAMERA, False, False),
+    Pose("rotations from world to camera beside the cameras' places", False, True),
+    Pose("rotations from camera to world beside translations from world to camera", True, False),
+)
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Another way to read a file's cameras.
+
+    Attributes:
+        name: the convention, in messages
+        advice: how to convert the file
+        cameras: as they are then; R may mirror
+    """
+
+    name: str
+    advice: str
+    cameras: Cameras
+
+
+def settle(
+    attempt: Attempt, silhouettes: np.ndarray, keep_world: bool = False
+) -> tuple[Attempt, Placed]:
+    """Place an attempt's cameras; those of a file as the silhouettes show that they are meant.
+
+    Args:
+        attempt: with cameras
+        silhouettes: [views, height, width] bool, of the cameras' views
+        keep_world: their world is normalised already
+    Returns:
+        the attempt, perhaps mirrored, with what a person should know among its warnings
+    Raises:
+        InputError: the cameras cannot be placed, or there were doubts about them and the
+            silhouettes contradict them; the message names the convention that would fit
+    """
+    if attempt.source != FILE or keep_world or len(find_shown(silhouettes)) < FEWEST:
+        return attempt, place(attempt.cameras, silhouettes, keep_world)
+    faced = _face(attempt, silhouettes)
+    placed, why = _try_to_place(faced, silhouettes)
+    mean = placed.mean if placed else 0.0
+    if mean >= COHERENT and faced is attempt:
+        return _tell_taken(faced, mean), placed
+    found, agreed, own = _find_fitting(attempt, faced, silhouettes, mean >= COHERENT)
+    better = agreed >= max(FITS, own + (NEAR if mean >= COHERENT else GAIN))
+    doubted = faced.mirrored or faced.doubt is not None
+    if placed and not better and (mean >= REFUSED or not doubted):
+        return _tell_taken(faced, mean), placed
+    why += f". {_say_fitting(found, agreed) if better else _say_none(faced, found, agreed)}"
+    if placed and mean >= REFUSED and not doubted:
+        return replace(faced, warnings=(*faced.warnings, f"{_file(faced)}: {why}")), placed
+    raise InputError(why)
+
+
+def _face(attempt: Attempt, silhouettes: np.ndarray) -> Attempt:
+    """Of matrices whose sign is free the sign by which the object lies before the cameras.
+
+    If that makes the matrices mirror, they are of a left-handed world, whose mirror image is taken.
+    """
+    shown = find_shown(silhouettes)
+    if not attempt.signless:
+        return attempt
+    try:
+        depth = find_object(attempt.cameras.select(shown), silhouettes[shown])[1]
+    except InputError:
+        return attempt
+    if (depth <= 0).sum() * 2 <= len(depth):
+        return attempt
+    turned = attempt.cameras.turned_round().in_mirrored_world()
+    return replace(attempt, cameras=turned, mirrored=not attempt.mirrored)
+
+
+def _try_to_place(attempt: Attempt, silhouettes: np.ndarray) -> tuple[Placed | None, str]:
+    """The cameras placed, if they can be, and what speaks against them."""
+    said = [attempt.doubt.removeprefix(f"{_file(attempt)}: ")] if attempt.doubt else []
+    if attempt.mirrored:
+        said.append("the matrices mirror, as of a left-handed world or of rows counted from below")
+    try:
+        placed = place(attempt.cameras, silhouettes)
+    except InputError as error:
+        if attempt.signless:
+            said.append("the signs are such that all matrices mirror, or none does")
+        return None, "; ".join([*said, str(error)])
+    said.append(
+        "the silhouettes contradict the cameras: the largest body that they all allow fills "
+        f"{placed.mean:.0%} of them"
+    )
+    return placed, "; ".join(said)
+
+
+def _tell_taken(attempt: Attempt, mean: float) -> Attempt:
+    """The attempt with what was doubted about it, and that the silhouettes agree with it."""
+    said = []
+    if attempt.mirrored:
+        said.append(
+            f"{_file(attempt)}: the cameras are of a left-handed world. The silhouettes agree with "
+            f"them (hull IoU {mean:.2f}), so its mirror image is taken: the mesh and its cameras "
+            "have z negated"
+        )
+    if attempt.doubt:
+        said.append(
+            f"{attempt.doubt}; the silhouettes agree with them (hull IoU {mean:.2f}), so they are "
+            "taken as they are"
+        )
+    return replace(attempt, warnings=(*attempt.warnings, *said))
+
+
+def _say_fitting(reading: Reading, agreed: float) -> str:
+    return (
+        f"Read as {reading.name}, the silhouettes agree with them (hull IoU {agreed:.2f} over some "
+        f"views). To convert the file, {reading.advice}"
+    )
+
+
+def _say_none(attempt: Attempt, found: Reading | None, agreed: float) -> str:
+    best = f"; the best, {found.name}, comes to a hull IoU of {agreed:.2f}" if found else ""
+    remedy = OF_OTHER_PIXELS if attempt.doubt else "The cameras should be of these photographs"
+    return (
+        "Other conventions were tried (axes of the camera, camera to world or world to camera, "
+        f"pixels counted from another side) and none fits{best}. {remedy}"
+    )
+
+
+def _file(attempt: Attempt) -> str:
+    return str(attempt.figures.get("file", attempt.source))
+
+
+def _find_fitting(
+    attempt: Attempt, faced: Attempt, silhouettes: np.ndarray, pixels_only: bool
+) -> tuple[Reading | None, float, float]:
+    """Of the other readings the most coherent, or a more usual one that is nearly so.
+
+    Args:
+        attempt: as it was read
+        faced: as it is judged
+        pixels_only: whether only pixels counted from another side are in question
+    Returns:
+        the reading, its hull IoU over some of the views, and that of the attempt over the same
+    """
+    shown = find_shown(silhouettes)
+    some = shown[np.linspace(0, len(shown) - 1, min(len(shown), VIEWS)).round().astype(int)]
+    cameras, seen = attempt.cameras.select(some), silhouettes[some]
+    cameras = cameras.in_mirrored_world() if attempt.mirrored else cameras
+    own = _measure(faced.cameras.select(some), seen)
+    try:
+        straight = straighten(cameras, seen)
+    except InputError:
+        return None, 0.0, own
+    seen = straight.silhouettes(seen)
+    scored = []
+    sides = _from_other_sides(straight.cameras)
+    for reading in sides if pixels_only else _read_otherwise(attempt, straight.cameras):
+        if (stood := _stand(reading, seen, attempt.signless)) is not None:
+            scored.append((_measure(stood, seen), reading))
+        if len(scored) == MOST or (scored and scored[-1][0] >= 1 - NEAR):  # none can be better
+            break
+    if not scored:
+        return None, 0.0, own
+    most = max(mean for mean, _ in scored)
+    mean, reading = next(s for s in scored if s[0] >= most - NEAR)
+    return reading, mean, own
+
+
+def _measure(cameras: Cameras, seen: np.ndarray) -> float:
+    """The hull IoU, coarsely; 0 where the cameras cannot be placed."""
+    try:
+        return place(cameras, seen, resolution=RESOLUTION).mean
+    except InputError:
+        return 0.0
+
+
+def _stand(reading: Reading, seen: np.ndarray, signless: bool) -> Cameras | None:
+    """Its cameras in a right-handed world, if the middles of the silhouettes meet before them."""
+    cameras = reading.cameras
+    try:
+        centre, depth = find_object(cameras, seen)
+    except InputError:
+        return None
+    if signless and (depth < 0).all():
+        cameras, depth = cameras.turned_round(), -depth
+    if not (depth > 0).all():
+        return None
+    apart = (cameras.project(centre.unsqueeze(0)).squeeze(1) - find_middles(seen)).norm(dim=1)
+    if not (apart < APART * _reach(seen)).double().mean() > 0.5:
+        return None
+    return cameras.in_mirrored_world() if (cameras.R.det() < 0).all() else cameras
+
+
+def _reach(seen: np.ndarray) -> Tensor:
+    """Half the diagonal of each silhouette's box: [views], in pixels."""
+    boxes = [(s.any(axis=0).sum(), s.any(axis=1).sum()) for s in seen]
+    return torch.tensor(boxes, dtype=torch.float64).norm(dim=1) / 2
+
+
+def _read_otherwise(attempt: Attempt, cameras: Cameras) -> Iterator[Reading]:
+    """All other readings of cameras that were read as the attempt's format is written."""
+    if attempt.signless:  # matrices that have the pixels in them
+        yield from _from_other_sides(cameras)
+    written = attempt.figures.get("written", WORLD_TO_CAMERA)
+    own = POSES[0] if written != WORLD_TO_CAMERA else POSES[1]
+    axes = OPENGL if written == CAMERA_TO_WORLD_OPENGL else OPENCV
+    R = torch.tensor(axes) @ cameras.R  # as the file has it, if its pose is of the world
+    t = cameras.t @ torch.tensor(axes)
+    matrix = R.mT if own.inverse else R
+    vector = cameras.centres if own.centre else t
+    for pose in (own, *(p for p in POSES if p is not own)):
+        R = matrix.mT if pose.inverse else matrix
+        t = -(R @ vector.unsqueeze(-1)).squeeze(-1) if pose.centre else vector
+        for other in _all_axes():
+            if (pose is own and (other == axes).all()) or (
+                attempt.signless and np.linalg.det(other) < 0
+            ):
+                continue
+            turn = torch.tensor(other)
+            yield Reading(
+                f"{pose.name} with {_say_axes(other)}",
+                _advise(own, axes, pose, other),
+                replace(cameras, R=turn @ R, t=t @ turn.T),
+            )
+
+
+def _from_other_sides(cameras: Cameras) -> Iterator[Reading]:
+    """Pixels whose rows are counted from below, or whose columns are from the right.
+
+    In the working images, in whose middle the photographs lie. Where v' = h - v, the second row of
+    K is that of diag(1, -1, 1) K with h, whose focal length the camera's y makes positive again.
+    """
+    sides = ("columns", "the right", "first", "width"), ("rows", "below", "second", "height")
+    for i, (lines, side, row, size) in enumerate(sides):
+        flip = torch.eye(3, dtype=torch.float64)
+        flip[i, i] = -1
+        K = flip @ cameras.K @ flip
+        K[:, i, 2] = cameras.sizes[:, i] - cameras.K[:, i, 2]
+        yield Reading(
+            f"matrices whose {lines} are counted from {side}",
+            f"replace the {row} row of each P = K [R | t] by {size} * (third row) - ({row} row)",
+            replace(cameras, K=K, R=flip @ cameras.R, t=cameras.t @ flip),
+        )
+
+
+def _all_axes() -> list[np.ndarray]:
+    """All ways in which a camera's axes may lie: the usual first, left-handed ones last."""
+    ways = [
+        np.eye(3)[list(order)] * np.array(signs)[:, None]
+        for order in permutations(range(3))
+        for signs in product((1.0, -1.0), repeat=3)
+    ]
+    ways.sort(key=lambda way: -np.linalg.det(way))
+    return [*USUAL, *(way for way in ways if not any((way == usual).all() for usual in USUAL))]
+
+
+def _say_axes(axes: np.ndarray) -> str:
+    """Where a camera's x, y and z point in the image, and whose convention that is."""
+    towards = []
+    for name, column in zip("xyz", axes.T, strict=True):
+        i = int(np.abs(column).argmax())
+        towards.append(f"{name} {DIRECTIONS[i][int(column[i] < 0)]}")
+    said = ", ".join(towards)
+    known = NAMES.get(tuple(axes.ravel() + 0.0))
+    return f"{known} ({said})" if known else f"{said}"
+
+
+def _advise(own: Pose, axes: np.ndarray, pose: Pose, other: np.ndarray) -> str:
+    """How a file that is written in the other way comes to be written in its format's own."""
+    steps = []
+    if pose.inverse != own.inverse and pose.centre != own.centre:
+        steps.append("replace each matrix [R | t] by its inverse, [R^T | -R^T t]")
+    elif pose.inverse != own.inverse:
+        steps.append("transpose the rotation R of each matrix")
+    elif pose.centre != own.centre:
+        steps.append("replace the last column v of each matrix [R | v] by -R v")
+    turn = axes @ other
+    if not (turn == np.eye(3)).all():
+        which = [str(i + 1) for i in range(3) if turn[i, i] < 0]
+        lines, kind = ("columns", "matrix") if own.inverse else ("rows", "[R | t]")
+        if (turn == np.diag(np.diag(turn))).all():
+            named = (
+                f"{lines} {' and '.join(which)}" if len(which) > 1 else f"{lines[:-1]} {which[0]}"
+            )
+            steps.append(f"negate {named} of each {kind}")
+        else:
+            steps.append(f"turn the camera's axes of each {kind} to {_say_axes(axes)}")
+    return ", then ".join(steps)

@@ -1,0 +1,137 @@
+"""A scene after its silhouettes were judged, with what became of its doubtful views."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from silmesh.geometry.camera import Cameras, Similarity
+from silmesh.geometry.frame import count_on_frame
+from silmesh.geometry.silhouette_iou import coherence
+from silmesh.geometry.visual_hull import carve
+from silmesh.progress import Share, untold
+from silmesh.scene.colour_edges import Figures, compare_all, contradict
+from silmesh.scene.policy import DROPPED, KEPT, REPAIRED, WEIGHTS, Decision, decide
+from silmesh.scene.resegmentation import repair
+from silmesh.scene.scene import Scene, normalising
+
+LOWERING = "lowers the hull IoU most"  # what the scene says of views, where nothing worse is found
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What judging came to.
+
+    Attributes:
+        scene: the views that are left, normalised by their silhouettes
+        views: all views that were judged
+        frames: [views, 4] left, top, right and bottom of their photographs within the images
+        decision: on each of them
+        colours: how far the colours of each agree with its silhouette
+    """
+
+    scene: Scene
+    views: Sequence[str]
+    frames: np.ndarray
+    decision: Decision
+    colours: Sequence[Figures]
+
+    def warnings(self) -> list[str]:
+        """What a person should know of doubtful and cut views."""
+        verdict = self.decision.verdict
+        said = [verdict.refusal] if verdict.refusal else []
+        for view, fate, doubt in zip(self.views, self.decision.fates, verdict.doubts, strict=True):
+            if doubt:
+                said.append(f"view {view!r} is {fate}: {doubt}")
+        for i in self.decision.fitted:
+            if pixels := count_on_frame(self.decision.silhouettes[i], self.frames[i]):
+                said.append(
+                    f"view {self.views[i]!r}: the object leaves the photograph ({pixels} pixels on "
+                    "its edge); what is beyond only other views show"
+                )
+        return said
+
+
+def judge_scene(
+    scene: Scene,
+    policy: str,
+    fewest: int = 3,
+    keep_world: bool = False,
+    progress: Share = untold,
+) -> Judged:
+    """Judge the silhouettes of a scene, and keep, drop or segment again the doubtful views.
+
+    Args:
+        scene: as it was built
+        policy: ``keep``, ``drop`` or ``repair``
+        fewest: views that must be left, if any is dropped
+        keep_world: its world is normalised already
+        progress: is told which share of what is segmented again is done
+
+    Raises:
+        InputError: too few views would be left
+    """
+    told, views = scene.told, scene.cameras.views
+    frames = np.array([told["frames"][view] for view in views])
+
+    def segment(doubtful: Sequence[int], sound: Sequence[int]) -> np.ndarray:
+        shown = [scene.images[views[i]] for i in doubtful]
+        return repair(shown, scene.silhouettes, scene.cameras, doubtful, sound, frames, progress)
+
+    place = {view: i for i, view in enumerate(views)}
+    lost = {place[view]: why for view, why in told["lost"].items() if view in place}
+    unreadable = [place[view] for view in told["unreadable"] if view in place]
+    decision = decide(
+        policy, fewest, scene.silhouettes, scene.cameras, segment, frames, lost, unreadable
+    )
+    colours = compare_all(scene.images, views, decision.silhouettes, frames)
+    left = _measure(scene, decision, keep_world)
+    left = replace(left, told=_tell(told, views, decision, colours))
+    return Judged(left, views, frames, decision, colours)
+
+
+def _measure(scene: Scene, decision: Decision, keep_world: bool) -> Scene:
+    """The views that are left, their world by their silhouettes, and coherence.
+
+    A scene in which nothing changes is left as it is, to the last bit.
+    """
+    if set(decision.fates) == {KEPT}:
+        return scene
+    kept = scene.cameras.select(decision.fitted)
+    seen, similarity = decision.silhouettes[decision.fitted], scene.similarity
+    if not keep_world:
+        kept, similarity = _normalise(kept, seen, similarity)
+    return replace(
+        scene,
+        cameras=kept,
+        similarity=similarity,
+        silhouettes=seen,
+        coherence=coherence(carve(seen, kept), kept, seen),
+    )
+
+
+def _normalise(
+    cameras: Cameras, silhouettes: np.ndarray, before: Similarity
+) -> tuple[Cameras, Similarity]:
+    """Cameras of a world that was normalised by other silhouettes, in that of these."""
+    own = cameras.in_world_of(before.inverse)
+    similarity = normalising(own, silhouettes)
+    return own.in_world_of(similarity), similarity
+
+
+def _tell(
+    told: Mapping[str, Any], views: Sequence[str], decision: Decision, colours: Sequence[Figures]
+) -> dict[str, Any]:
+    """What ``scene.json`` says of the views beside what is measured."""
+    fates = dict(zip(views, decision.fates, strict=True))
+    doubts = {v: doubt for v, doubt in zip(views, decision.verdict.doubts, strict=True) if doubt}
+    lost = {view: doubts[view] for view in doubts if fates[view] == DROPPED}
+    return {
+        **told,
+        "dropped": told["dropped"] | lost,
+        "doubtful": doubts or dict.fromkeys(told["doubtful"], LOWERING),
+        "contradicted": [views[i] for i in decision.fitted if contradict(colours[i])],
+        "repaired": [view for view, fate in fates.items() if fate == REPAIRED],
+        "weights": {views[i]: WEIGHTS[decision.fates[i]] for i in decision.fitted},
+    }

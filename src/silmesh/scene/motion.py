@@ -1,0 +1,157 @@
+"""Attempts at cameras by structure from motion, judged by the silhouettes.
+
+COLMAP's stages live in folders (``cameras.stages``), since its database and its models are files.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from silmesh.cameras.attempt import Attempt
+from silmesh.cameras.colmap import attempt_model
+from silmesh.cameras.features import extract, keep_inside
+from silmesh.cameras.mapping import map_views
+from silmesh.cameras.matching import match
+from silmesh.cameras.stages import DATABASE, MODEL, Report, make_stage, read_report
+from silmesh.geometry.thresholds import COHERENT
+from silmesh.progress import Share, untold, within
+from silmesh.scene.agreement import refuse_incoherent
+from silmesh.settings.cameras import Colmap
+from silmesh.views import View
+
+SOURCE, MASKED = "colmap", "colmap, masked"
+MATCHED = 0.6  # share of the time, by which the photographs are matched
+
+
+def attempt_colmap(
+    images: Sequence[Path],
+    views: Sequence[View],
+    silhouettes: np.ndarray,
+    settings: Colmap,
+    threads: int,
+    scratch: Path,
+    progress: Share = untold,
+) -> list[Attempt]:
+    """All attempts at cameras by COLMAP, from photographs.
+
+    Args:
+        images: the photographs
+        views: of these, all
+        silhouettes: [views, size, size] bool, of all views
+        settings: of all stages; their ``masks`` say which attempts are made
+        threads: to use; the cameras do not depend on it
+        scratch: an existing folder for the stages
+    """
+    features, found = scratch / "all", []
+    make_stage(
+        features,
+        Report(),
+        lambda part, _: extract(images, settings, threads, part, progress),
+    )
+    if settings.masks != "silhouettes":
+        model = find_model(features, settings, threads, _folder(scratch, "unmasked"), progress)
+        found.append(judge_model(SOURCE, model, views, silhouettes))
+    if settings.masks != "none":
+        masked = _folder(scratch, "masked")
+        before = found[0] if found else None
+        found.append(
+            attempt_masked(
+                features, views, silhouettes, settings, threads, masked, before, progress
+            )
+        )
+    return found
+
+
+def _folder(within: Path, name: str) -> Path:
+    folder = within / name
+    folder.mkdir()
+    return folder
+
+
+def find_model(
+    features: Path, settings: Colmap, threads: int, scratch: Path, progress: Share = untold
+) -> Path:
+    """Match the features of a stage and map them: the folder of the model's stage.
+
+    Args:
+        features: folder of their stage
+        settings: which pairs are matched, how they are mapped, and the seed
+        scratch: an existing folder for the stages
+    """
+    matches, model = scratch / "matches", scratch / "model"
+    make_stage(
+        matches,
+        read_report(features),
+        lambda part, report: match(
+            features / DATABASE,
+            settings,
+            threads,
+            part,
+            report,
+            within(progress, 0, MATCHED),
+        ),
+    )
+    make_stage(
+        model,
+        read_report(matches),
+        lambda part, report: map_views(
+            matches / DATABASE,
+            settings,
+            part,
+            report,
+            within(progress, MATCHED, 1),
+        ),
+    )
+    return model
+
+
+def judge_model(
+    source: str, model: Path, views: Sequence[View], silhouettes: np.ndarray
+) -> Attempt:
+    """The attempt that a model comes to.
+
+    Args:
+        source: what to call it
+        model: folder of the model's stage
+        views: all views
+        silhouettes: [views, size, size] bool, of all views
+    """
+    attempt = attempt_model(source, model / MODEL, read_report(model), views)
+    if attempt.cameras is None:
+        return attempt
+    places = {view.view: place for place, view in enumerate(views)}
+    return refuse_incoherent(attempt, silhouettes[[places[v] for v in attempt.cameras.views]])
+
+
+def attempt_masked(
+    features: Path,
+    views: Sequence[View],
+    silhouettes: np.ndarray,
+    settings: Colmap,
+    threads: int,
+    scratch: Path,
+    unmasked: Attempt | None = None,
+    progress: Share = untold,
+) -> Attempt:
+    """Cameras by the features on the object alone, unless it went well without masks.
+
+    Args:
+        features: folder of the stage of all features
+        views: all views
+        silhouettes: [views, size, size] bool, of all views
+        scratch: an existing folder for the stages
+        unmasked: the attempt without masks, if there is one
+    """
+    coherence = unmasked.figures.get("coherence", 0.0) if unmasked else 0.0
+    if coherence >= COHERENT:
+        why = f"not tried, for without masks the hull IoU is {coherence:.3f}"
+        return Attempt(MASKED, None, refusal=why)
+    inside = scratch / "features"
+    make_stage(
+        inside,
+        read_report(features),
+        lambda part, report: keep_inside(features / DATABASE, views, silhouettes, part, report),
+    )
+    model = find_model(inside, settings, threads, scratch, progress)
+    return judge_model(MASKED, model, views, silhouettes)

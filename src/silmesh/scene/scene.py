@@ -1,0 +1,177 @@
+"""The scene: the views that are fitted, their silhouettes and cameras, in the normalised world.
+
+A scene's folder holds ``cameras.json`` (normalised), ``scene.json`` (the transform, how well
+silhouettes and cameras agree, where the cameras come from), and the working images and silhouettes
+of just the views that have a camera, in ``views/`` and ``silhouettes/``, undistorted where their
+lenses matter.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from PIL import Image
+from torch import Tensor
+
+from silmesh.errors import InputError, name_some
+from silmesh.files import making
+from silmesh.geometry.camera import (
+    OBJECT_RADIUS,
+    Cameras,
+    Similarity,
+    read_cameras,
+    write_cameras,
+)
+from silmesh.geometry.undistortion import Straightened
+from silmesh.silhouettes import encode, read_silhouettes
+from silmesh.views import ImageFolder
+
+VIEWS, SILHOUETTES = "views", "silhouettes"  # folders of a scene
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The views that are fitted, in the normalised world.
+
+    Attributes:
+        cameras: of these views, in that world, without lenses
+        similarity: from the input's own world to it
+        silhouettes: [views, height, width] bool, undistorted
+        coherence: [views], the visual hull's IoU with each silhouette
+        told: what else ``scene.json`` says
+        images: the working images, undistorted
+    """
+
+    cameras: Cameras
+    similarity: Similarity
+    silhouettes: np.ndarray
+    coherence: np.ndarray
+    told: Mapping[str, Any]
+    images: Mapping[str, Image.Image] = field(default_factory=dict)
+
+    def describe(self) -> dict[str, Any]:
+        """All that ``scene.json`` says."""
+        return {
+            **self.told,
+            "centre": self.similarity.centre.tolist(),
+            "scale": self.similarity.scale,
+            "hull_iou_mean": float(self.coherence.mean()),
+            "hull_iou": dict(zip(self.cameras.views, self.coherence.tolist(), strict=True)),
+        }
+
+
+MEASURED = ("centre", "scale", "hull_iou_mean", "hull_iou")  # of scene.json, beside what is told
+
+
+def normalising(cameras: Cameras, silhouettes: np.ndarray) -> Similarity:
+    """The shift and scale that bring the object into the sphere of radius 0.5 at the origin.
+
+    The centre is where the rays through the middles of the silhouettes' bounding boxes meet, by
+    least squares; the radius is the furthest that any silhouette reaches from it.
+
+    Args:
+        cameras: in the input's world
+        silhouettes: [views, height, width] bool
+
+    Raises:
+        InputError: the rays are parallel, or the object would be behind a camera
+    """
+    points = [torch.as_tensor(np.argwhere(s)[:, ::-1] + 0.5) for s in silhouettes]
+    centre, depth = find_object(cameras, silhouettes)
+    if not (depth > 0).all():
+        raise InputError(_say_behind(cameras, depth))
+    projected = cameras.project(centre.unsqueeze(0))
+    scale = cameras.K[:, :2, :2].inverse()  # [views, 2, 2] pixels to units at depth 1
+    reach = [
+        ((p - c) @ s.mT).norm(dim=1).max() for p, c, s in zip(points, projected, scale, strict=True)
+    ]
+    return Similarity(centre, float(OBJECT_RADIUS / (torch.stack(reach) * depth).max()))
+
+
+def find_object(cameras: Cameras, silhouettes: np.ndarray) -> tuple[Tensor, Tensor]:
+    """Where the rays through the middles of the silhouettes' boxes meet [3], its depths [views].
+
+    Raises:
+        InputError: the rays are parallel
+    """
+    centre = cameras.meet(find_middles(silhouettes))
+    return centre, cameras.depths(centre.unsqueeze(0)).squeeze(1)
+
+
+def find_middles(silhouettes: np.ndarray) -> Tensor:
+    """The middles of the silhouettes' bounding boxes, in pixels: [views, 2] float64."""
+    middles = []
+    for seen in silhouettes:
+        rows, columns = (np.flatnonzero(seen.any(axis=axis)) for axis in (1, 0))
+        middles.append([columns[0] + columns[-1] + 1, rows[0] + rows[-1] + 1])
+    return torch.tensor(middles, dtype=torch.float64) / 2
+
+
+def _say_behind(cameras: Cameras, depth: Tensor) -> str:
+    behind = [view for view, d in zip(cameras.views, depth.tolist(), strict=True) if not d > 0]
+    view = cameras.views[int(depth.argmin())]
+    if len(behind) == len(cameras):
+        return (
+            f"view {view!r}: the object would lie behind its camera, and behind those of all views:"
+            " the cameras look away from it"
+        )
+    others = f" ({name_some(behind)})"
+    return (
+        f"view {view!r}: the object would lie behind its camera: {len(behind)} of {len(cameras)} "
+        f"cameras look away from it{others * (len(behind) > 1)}; the cameras and the silhouettes "
+        "should be of the same photographs"
+    )
+
+
+def refuse_camera_inside(cameras: Cameras) -> None:
+    """Refuse a camera within the sphere of the normalised world that holds the object."""
+    distance = cameras.centres.norm(dim=1)
+    nearest = int(distance.argmin())
+    if distance[nearest] <= OBJECT_RADIUS:
+        raise InputError(
+            f"the camera of view {cameras.views[nearest]!r} stands inside the object: "
+            f"{distance[nearest]:.3g} from its middle, when the object reaches {OBJECT_RADIUS}"
+        )
+
+
+def write_scene(
+    folder: Path, scene: Scene, images: Path, straightened: Straightened | None = None
+) -> None:
+    """Write a scene.
+
+    Args:
+        images: the folder of the working images, ``<view>.png``
+        straightened: how these become the images of the cameras, if any had a lens
+    """
+    straightened = straightened or Straightened(scene.cameras, {}, 0.0)
+    with making(folder) as part:
+        write_cameras(part / "cameras.json", scene.cameras)
+        for name in (VIEWS, SILHOUETTES):
+            (part / name).mkdir()
+        for view, silhouette in zip(scene.cameras.views, scene.silhouettes, strict=True):
+            name = f"{view}.png"
+            straightened.write_image(view, images / name, part / VIEWS / name)
+            encode(silhouette).save(part / SILHOUETTES / name)
+        said = json.dumps(scene.describe(), indent=1)
+        (part / "scene.json").write_text(said + "\n", encoding="utf-8")
+
+
+def load_scene(folder: Path) -> Scene:
+    """The scene that a folder holds."""
+    cameras, similarity, whole = read_scene(folder)
+    coherence = np.array([whole["hull_iou"][view] for view in cameras.views])
+    told = {key: value for key, value in whole.items() if key not in MEASURED}
+    silhouettes = read_silhouettes(folder / SILHOUETTES, cameras.views)
+    images = ImageFolder(folder / VIEWS)
+    return Scene(cameras, similarity, silhouettes, coherence, told, images)
+
+
+def read_scene(folder: Path) -> tuple[Cameras, Similarity, dict]:
+    """The normalised cameras, the transform into their world, and all of ``scene.json``."""
+    scene = json.loads((folder / "scene.json").read_text(encoding="utf-8"))
+    centre = torch.tensor(scene["centre"], dtype=torch.float64)
+    return read_cameras(folder / "cameras.json"), Similarity(centre, scene["scale"]), scene

@@ -1,0 +1,82 @@
+"""How many vertices an initial mesh gets, and the report's scale and shift to the object."""
+
+import math
+
+import numpy as np
+import trimesh
+from skimage.measure import perimeter_crofton
+from skimage.morphology import convex_hull_image
+
+COUNTS = (642, 1352, 1922)  # what the report calls 600, 1,300 and 1,900 polygons
+MOST = 10_000  # vertices that `auto` takes
+EDGE = 5.0  # pixels: `auto` takes the fewest vertices whose edges in the image are this short
+DETAILED = 8  # views whose outlines are measured
+REPORT_SIZE = 256  # pixels of the images in which the report's alignment counts
+REPORT_RADIUS = 90  # pixels of the unit sphere, halved, in such an image
+
+
+def choose_count(silhouettes: np.ndarray) -> int:
+    """The fewest vertices whose edges are a few pixels long, the shorter the richer the outlines.
+
+    A convex body's surface is four times its mean silhouette (Cauchy), and a closed mesh of n
+    vertices shares that among 2 n - 4 triangles; an even triangle with edges e has the area
+    sqrt(3) / 4 e^2. Where outlines are longer than their convex hulls', the surface is larger by
+    that factor, and the edges should be shorter by it.
+
+    Args:
+        silhouettes: [views, height, width] bool
+    """
+    detail = _detail(silhouettes)
+    surface = 4 * silhouettes.sum(axis=(1, 2)).mean() * detail
+    faces = surface / (math.sqrt(3) / 4 * (EDGE / detail) ** 2)
+    return int(np.clip(math.ceil(faces / 2 + 2), COUNTS[0], MOST))
+
+
+def choose_report_count(silhouettes: np.ndarray) -> int:
+    """The fewest of 642, 1,352 and 1,922 that are enough, or else the last."""
+    enough = choose_count(silhouettes)
+    return next((count for count in COUNTS if count >= enough), COUNTS[-1])
+
+
+def _detail(silhouettes: np.ndarray) -> float:
+    """How much longer the outlines are than those of their convex hulls, in a few views."""
+    count = min(DETAILED, len(silhouettes))
+    few = silhouettes[np.arange(count) * len(silhouettes) // count]
+    few = [s for s in few if s.sum() > 3]
+    around = [perimeter_crofton(s, 4) / perimeter_crofton(convex_hull_image(s), 4) for s in few]
+    return max(1.0, float(np.mean(around))) if few else 1.0
+
+
+def to_unit(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """The same mesh about the origin, as large as the unit sphere: ``align: none``."""
+    mesh = mesh.copy()
+    mesh.apply_translation(-mesh.bounds.mean(axis=0))
+    mesh.apply_scale(1 / np.linalg.norm(mesh.vertices, axis=1).max())
+    return mesh
+
+
+def align_to_box(verts: np.ndarray, silhouette: np.ndarray) -> np.ndarray:
+    """The report's alignment: scale and shift x and y by the silhouette's bounding box.
+
+    The box's sides are last index minus first, its unit is a pixel of a 256 x 256 image, in which
+    the unit sphere, halved and seen by the report's cameras, has a radius of about 90.
+
+    Args:
+        verts: [verts, 3] of a unit mesh, not yet halved
+        silhouette: [size, size] bool, of the first view
+    Returns:
+        [verts, 3]
+    """
+    left, top, width, height = _bounding_box(silhouette) * REPORT_SIZE / len(silhouette)
+    half, r = REPORT_SIZE / 2, REPORT_RADIUS
+    scale = np.array([width / 2 / r, height / 2 / r, 1])
+    shift = np.array([-((half - width / 2) - left) / r, ((half - height / 2) - top) / r, 0])
+    return verts * scale + shift
+
+
+def _bounding_box(silhouette: np.ndarray) -> np.ndarray:
+    """Left, top, width and height, the latter two as last index minus first."""
+    rows, columns = (np.flatnonzero(silhouette.any(axis=axis)) for axis in (1, 0))
+    return np.array(
+        [columns[0], rows[0], columns[-1] - columns[0], rows[-1] - rows[0]], dtype=np.float64
+    )

@@ -1,0 +1,1 @@
+"""The colours of the photographs on the fitted mesh."""

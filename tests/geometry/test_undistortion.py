@@ -1,0 +1,147 @@
+"""Undistortion: a made-up photograph through a lens becomes what the pinhole sees."""
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+from scenes import behind_lenses, save, silhouettes, turntable
+
+from silmesh.errors import InputError
+from silmesh.geometry.camera import Similarity
+from silmesh.geometry.lens import Lens
+from silmesh.geometry.silhouette_iou import coherence
+from silmesh.geometry.undistortion import straighten
+from silmesh.geometry.visual_hull import carve
+from silmesh.scene.scene import SILHOUETTES, Scene, write_scene
+from silmesh.silhouettes import encode
+
+SIZE, COUNT = 128, 4
+AXES, CENTRE = [0.4, 0.3, 0.2], [0.05, 0.1, 0]
+BARREL, CUSHION = Lens("OPENCV", (-1.2, 0.5, 0.01, -0.02)), Lens("SIMPLE_RADIAL", (1.5,))
+
+
+def photographed(cameras, lens):
+    """Silhouettes of the ellipsoid through a lens: each pixel asks the pinhole where it looks."""
+    large = cameras.in_pixels_of(
+        torch.diag(torch.tensor([4.0, 4, 1])).expand(len(cameras), 3, 3), cameras.sizes * 4
+    )
+    fine = silhouettes(large, AXES, CENTRE)
+    K = cameras.K[0].numpy()
+    rows, columns = np.indices((SIZE, SIZE))
+    pixels = np.stack([columns, rows], axis=-1) + 0.5
+    straight = lens.undistort((pixels - K[:2, 2]) / K[[0, 1], [0, 1]])
+    at = (straight * K[[0, 1], [0, 1]] + K[:2, 2]) * 4
+    at = np.nan_to_num(at, nan=-1).astype(int)  # beyond what the lens shows
+    inside = ((at >= 0) & (at < 4 * SIZE)).all(axis=-1)
+    at = at.clip(0, 4 * SIZE - 1)
+    return np.stack([f[at[..., 1], at[..., 0]] & inside for f in fine])
+
+
+def with_lens(cameras, lens):
+    return behind_lenses(cameras, [lens] * len(cameras))
+
+
+def iou(a, b):
+    return (a & b).sum() / (a | b).sum()
+
+
+@pytest.mark.parametrize("lens", [BARREL, CUSHION, Lens("OPENCV_FISHEYE", (-2.0, 1.0, 0.1, 0.05))])
+def test_silhouettes_become_those_of_the_pinhole(lens):
+    cameras = turntable(COUNT, SIZE, elevation=20)
+    bent = photographed(cameras, lens)
+    straightened = straighten(with_lens(cameras, lens), bent)
+    expected = silhouettes(straightened.cameras, AXES, CENTRE)
+    assert straightened.displacement > 1
+    assert straightened.cameras.lenses == (None,) * COUNT
+    assert iou(bent, silhouettes(cameras, AXES, CENTRE)) < 0.97
+    assert iou(straightened.silhouettes(bent), expected) > 0.98
+
+
+def test_a_silhouette_that_would_leave_the_image_is_seen_by_a_wider_camera():
+    cameras = turntable(COUNT, SIZE)
+    near = cameras.in_pixels_of(
+        torch.tensor([[1.7, 0, -0.35 * SIZE], [0, 1.7, -0.3 * SIZE], [0, 0, 1]]).expand(4, 3, 3),
+        cameras.sizes,
+    )
+    lens = Lens("SIMPLE_RADIAL", (-3.0,))
+    bent = photographed(near, lens)
+    assert not bent[:, [0, -1]].any()
+    straightened = straighten(with_lens(near, lens), bent)
+    wider = straightened.cameras.K[:, 0, 0] < near.K[:, 0, 0]
+    assert wider.tolist() == [True, False, True, False]  # it is thinner from its sides
+    found = straightened.silhouettes(bent)
+    assert not found[:, [0, -1]].any()
+    assert not found[:, :, [0, -1]].any()
+    assert iou(found, silhouettes(straightened.cameras, AXES, CENTRE)) > 0.98
+
+
+def test_a_lens_that_hardly_moves_a_pixel_is_left_out(tmp_path):
+    cameras = turntable(COUNT, SIZE)
+    seen = silhouettes(cameras, AXES, CENTRE)
+    straightened = straighten(with_lens(cameras, Lens("SIMPLE_RADIAL", (0.02,))), seen)
+    assert 0.01 < straightened.displacement < 0.1
+    assert not straightened.sources
+    assert straightened.cameras.lenses == (None,) * COUNT
+    assert (straightened.silhouettes(seen) == seen).all()
+    save(tmp_path / "old.png", seen[0])
+    straightened.write_image("v0", tmp_path / "old.png", tmp_path / "new.png")
+    assert (tmp_path / "new.png").read_bytes() == (tmp_path / "old.png").read_bytes()
+
+
+def test_files_are_what_is_measured(tmp_path):
+    cameras = turntable(COUNT, SIZE)
+    bent = photographed(cameras, BARREL)
+    straightened = straighten(with_lens(cameras, BARREL), bent)
+    for view, seen in zip(cameras.views, bent, strict=True):
+        encode(seen).save(tmp_path / f"{view}.png")
+    expected = straightened.silhouettes(bent)
+    world = straightened.cameras, Similarity.identity(), expected, np.ones(COUNT)
+    write_scene(tmp_path / "scene", Scene(*world, {}), tmp_path, straightened)
+    new = np.asarray(Image.open(tmp_path / "scene" / SILHOUETTES / "v1.png"))
+    assert (new == np.asarray(encode(expected[1]))).all()
+
+
+def test_a_view_with_an_empty_silhouette_is_straightened_like_the_others():
+    cameras = turntable(COUNT, SIZE)
+    bent = photographed(cameras, BARREL)
+    bent[1] = False
+    straightened = straighten(with_lens(cameras, BARREL), bent)
+    assert set(straightened.sources) == set(cameras.views)
+    assert not straightened.silhouettes(bent)[1].any()
+    assert not np.asarray(encode(straightened.silhouettes(bent)[1])).any()
+
+
+def test_cameras_agree_better_with_what_is_straightened():
+    """A lens off its axis, for silhouettes bent alike all around still agree with each other."""
+    cameras, lens = turntable(12, SIZE, elevation=20), Lens("OPENCV", (0, 0, 0.15, -0.1))
+    bent = photographed(cameras, lens)
+    straightened = straighten(with_lens(cameras, lens), bent)
+    found = [
+        coherence(carve(seen, near, 64), near, seen).mean()
+        for near, seen in ((cameras, bent), (straightened.cameras, straightened.silhouettes(bent)))
+    ]
+    assert found[0] < 0.975 < 0.985 < found[1]
+
+
+@pytest.mark.parametrize("channels", [3, 4])
+def test_an_image_goes_with_its_silhouette(tmp_path, channels):
+    """A ramp over the columns: its value says where a pixel was sampled."""
+    cameras = turntable(COUNT, SIZE)
+    seen = silhouettes(cameras, AXES, CENTRE)
+    straightened = straighten(with_lens(cameras, CUSHION), seen)
+    ramp = np.repeat(np.tile(np.arange(SIZE, dtype=np.uint8), (SIZE, 1))[..., None], channels, 2)
+    save(tmp_path / "old.png", ramp)
+    straightened.write_image("v0", tmp_path / "old.png", tmp_path / "new.png")
+    new = np.asarray(Image.open(tmp_path / "new.png"))
+    assert new.shape == ramp.shape
+    K = straightened.cameras.K[0].numpy()
+    x, y = (100.5 - K[0, 2]) / K[0, 0], (80.5 - K[1, 2]) / K[1, 1]
+    source = x * (1 + 1.5 * (x * x + y * y)) * K[0, 0] + K[0, 2]
+    assert new[80, 100, 0] == pytest.approx(source - 0.5, abs=0.6)
+
+
+def test_a_lens_that_shows_no_silhouette_is_refused():
+    cameras = turntable(COUNT, SIZE)
+    seen = silhouettes(cameras, AXES, CENTRE)
+    with pytest.raises(InputError, match=r"view 'v0': its lens SIMPLE_RADIAL .* shows nothing"):
+        straighten(with_lens(cameras, Lens("SIMPLE_RADIAL", (-60.0,))), seen)

@@ -1,0 +1,92 @@
+import numpy as np
+import pytest
+from scenes import silhouettes, turntable
+
+from silmesh.cameras.attempt import Attempt
+from silmesh.errors import InputError
+from silmesh.geometry.camera import Similarity
+from silmesh.geometry.undistortion import Straightened
+from silmesh.scene.agreement import Placed, choose, place, refuse_incoherent
+
+SIZE, AXES, CENTRE = 64, [0.45, 0.2, 0.15], [0.05, 0.1, 0]
+
+
+@pytest.fixture(scope="module")
+def ring():
+    cameras = turntable(12, SIZE, elevation=15)
+    return cameras, silhouettes(cameras, AXES, CENTRE)
+
+
+def test_coherent_cameras_pass_and_say_so(ring):
+    attempt = refuse_incoherent(Attempt("colmap", ring[0]), ring[1])
+    assert attempt.cameras is not None
+    assert attempt.figures["coherence"] > 0.95
+
+
+def test_incoherent_cameras_are_refused_with_their_figure(ring):
+    shuffled = ring[0].select([0, 5, 10, 3, 8, 1, 6, 11, 4, 9, 2, 7])
+    flat = silhouettes(ring[0], [0.45, 0.05, 0.05], [0.1, 0.1, 0])
+    attempt = refuse_incoherent(Attempt("colmap", shuffled), flat)
+    assert attempt.cameras is None
+    assert "12 photographs have a camera, but the silhouettes contradict these" in attempt.refusal
+    assert f"{attempt.figures['coherence']:.0%}" in attempt.refusal
+
+
+def test_cameras_that_do_not_turn_are_refused(ring):
+    still = ring[0].select([0] * 12)
+    attempt = refuse_incoherent(Attempt("colmap", still), ring[1][[0] * 12])
+    assert attempt.refusal.startswith("cameras 'colmap': the cameras all look along one line")
+
+
+def test_an_empty_silhouette_has_no_say(ring):
+    seen = ring[1].copy()
+    seen[4] = False
+    others = [i for i in range(12) if i != 4]
+    all_, some = place(ring[0], seen), place(ring[0].select(others), seen[others])
+    assert all_.coherence[4] == 0
+    assert all_.coherence[others].tolist() == some.coherence.tolist()
+    assert all_.similarity.scale == some.similarity.scale
+    assert refuse_incoherent(Attempt("colmap", ring[0]), seen).cameras is not None
+
+
+def test_one_silhouette_alone_places_nothing(ring):
+    seen = ring[1].copy()
+    seen[1:] = False
+    with pytest.raises(InputError, match="1 of the 12 views with a camera have a silhouette"):
+        place(ring[0], seen)
+
+
+def placed(ring, count, mean):
+    cameras = ring[0].select(range(count))
+    straight = Straightened(cameras, {}, 0.0)
+    return Placed(cameras, straight, Similarity.identity(), np.full(count, mean))
+
+
+A, B = Attempt("colmap", None, "12 of 36 views"), Attempt("calibrate", None)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "best"),
+    [
+        ((12, 0.96), (12, 0.90), 0),  # the more coherent
+        ((12, 0.90), (12, 0.96), 1),
+        ((9, 0.96), (12, 0.95), 1),  # nearly equal: more views
+        ((9, 0.96), (12, 0.93), 0),
+        ((12, 0.95), (12, 0.96), 1),  # as many views: the more coherent
+    ],
+)
+def test_the_more_coherent_attempt_is_taken_or_that_with_more_views(ring, first, second, best):
+    index, why = choose([A, B], [placed(ring, *first), placed(ring, *second)])
+    assert index == best
+    told = [f"{first[1]:.3f} over {first[0]} views", f"{second[1]:.3f} over {second[0]} views"]
+    assert all(part in why for part in told)
+
+
+def test_the_reason_of_a_refused_attempt_is_told(ring):
+    index, why = choose([A, B], [None, placed(ring, 12, 0.9)])
+    assert index == 1
+    assert why == "calibrate: hull IoU 0.900 over 12 views; colmap: no cameras (12 of 36 views)"
+
+
+def test_a_kept_world_is_not_moved(ring):
+    assert place(*ring, keep_world=True).similarity.scale == 1

@@ -1,0 +1,66 @@
+import numpy as np
+import pytest
+from scenes import dome, silhouettes
+
+from silmesh.errors import InputError
+from silmesh.scene.policy import decide
+
+COUNT = 16
+BAD = [2, 9]
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """True silhouettes, and the same with an empty one and one that is half."""
+    cameras = dome(COUNT, 48)
+    truth = silhouettes(cameras, [0.45, 0.25, 0.3])
+    found = truth.copy()
+    found[2] = False
+    found[9, :24] = False
+    return truth, found, cameras
+
+
+def decided(scene, policy, fewest=3, segment=None):
+    return decide(policy, fewest, scene[1], scene[2], segment)
+
+
+def test_kept_views_stay_as_they_are(scene):
+    decision = decided(scene, "keep")
+    assert decision.fates == ["kept"] * COUNT
+    assert decision.verdict.doubtful == BAD
+    np.testing.assert_array_equal(decision.silhouettes, scene[1])
+
+
+def test_dropped_views_are_not_fitted(scene):
+    decision = decided(scene, "drop")
+    assert decision.fitted == [i for i in range(COUNT) if i not in BAD]
+
+
+def test_too_few_views_are_refused_with_what_is_wrong(scene):
+    with pytest.raises(InputError, match=r"only 14 views are left.*'v2' \(empty\).*'v9' \(lacks"):
+        decided(scene, "drop", fewest=15)
+
+
+def test_what_cannot_be_read_is_said_and_not_segmented_again(scene):
+    truth, found, cameras = scene
+
+    def segment(doubtful, sound):
+        assert (doubtful, len(sound)) == ([9], COUNT - 2)
+        return truth[[9]]
+
+    lost = {2: "its photograph cannot be used"}
+    decision = decide("repair", 3, found, cameras, segment, lost=lost, unreadable=[2])
+    assert (decision.fates[2], decision.fates[9]) == ("dropped", "repaired")
+    assert decision.verdict.doubts[2] == lost[2]
+
+
+def test_a_repaired_view_is_fitted_and_one_that_stays_doubtful_is_dropped(scene):
+    truth, found, _ = scene
+
+    def segment(doubtful, sound):
+        assert (doubtful, len(sound)) == (BAD, COUNT - 2)
+        return np.stack([truth[2], found[9]])
+
+    decision = decided(scene, "repair", segment=segment)
+    assert (decision.fates[2], decision.fates[9]) == ("repaired", "dropped")
+    np.testing.assert_array_equal(decision.silhouettes[2], truth[2])

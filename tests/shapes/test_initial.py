@@ -1,0 +1,193 @@
+from itertools import repeat
+
+import numpy as np
+import pytest
+import trimesh
+from scenes import silhouettes, turntable
+
+from silmesh.errors import InputError
+from silmesh.geometry.overlap import mean_iou
+from silmesh.progress import untold
+from silmesh.settings.check import check
+from silmesh.settings.init import Init
+from silmesh.shapes.choose import LATEST, ROUNDS, VIEWS, score_meshes
+from silmesh.shapes.downsample import crop, look_smaller, render
+from silmesh.shapes.initial import PLACED, SHAPES, make_initial_mesh
+
+SIZE = 96
+AXES, CENTRE = (0.2, 0.35, 0.15), (0.1, -0.05, 0.05)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    cameras = turntable(8, SIZE, elevation=15)
+    return silhouettes(cameras, AXES, CENTRE), cameras
+
+
+@pytest.mark.parametrize("shape", PLACED)
+def test_every_shape_is_placed_at_twice_its_size_in_the_world(scene, shape):
+    seen, cameras = scene
+    first = make_initial_mesh(Init(shape=shape, vertices=300), seen, cameras)
+    assert len(first.mesh.vertices) == first.told["vertices"] == 300
+    assert first.mesh.is_watertight
+    assert first.mesh.volume > 0
+    np.testing.assert_allclose(first.mesh.centroid / 2, CENTRE, atol=0.03)
+    world = first.mesh.copy()
+    world.apply_scale(0.5)
+    assert mean_iou(render(world, cameras, (SIZE, SIZE)), seen) > 0.7
+    assert first.told["asked"] == first.told["shape"] == shape
+    assert first.told["warnings"] == []
+
+
+@pytest.mark.parametrize("shape", PLACED)
+def test_without_alignment_it_is_about_the_origin_and_of_unit_size(scene, shape):
+    mesh = make_initial_mesh(Init(shape=shape, vertices=200, align="none"), *scene).mesh
+    np.testing.assert_allclose(mesh.bounds.mean(axis=0), 0, atol=1e-9)
+    assert np.linalg.norm(mesh.vertices, axis=1).max() == pytest.approx(1)
+
+
+@pytest.mark.parametrize("shape", [shape for shape in SHAPES if shape != "auto"])
+def test_too_few_vertices_are_refused(shape):
+    with pytest.raises(InputError, match=r"vertices: should be a whole number from 12 .*, not 11"):
+        check(Init, {"shape": shape, "vertices": 11}, "init")
+
+
+def test_an_empty_hull_falls_back_to_the_ellipsoid_and_says_so():
+    cameras = turntable(5, SIZE)
+    seen = silhouettes(cameras, [0.2] * 3)
+    seen[3] = np.roll(seen[3], 45, axis=0)
+    first = make_initial_mesh(Init(shape="hull", vertices=162), seen, cameras)
+    assert (first.told["asked"], first.told["shape"]) == ("hull", "ellipsoid")
+    assert "most of all in v3; the initial mesh is the ellipsoid" in first.told["warnings"][0]
+    plain = make_initial_mesh(Init(shape="ellipsoid", vertices=162), seen, cameras)
+    np.testing.assert_array_equal(first.mesh.vertices, plain.mesh.vertices)
+
+
+def test_an_object_cut_by_the_frame_is_told(scene):
+    _, cameras = scene
+    seen = silhouettes(cameras, AXES, [0.65, 0, 0])
+    cut = make_initial_mesh(Init(shape="ellipsoid", vertices=162), seen, cameras).told["warnings"]
+    assert len(cut) == 1
+    assert cut[0].startswith("the frame cuts the object in v")
+
+
+def overlap(mesh, cameras, seen):
+    """A trial that moves nothing: the loss before and after is what the silhouettes lack."""
+    world = mesh.copy()
+    world.apply_scale(0.5)
+    return repeat(1 - mean_iou(render(world, cameras, seen.shape[1:]), seen))
+
+
+def scores_of(scene, losses, progress=untold):
+    """What becomes of trials with these losses, from the loss before the first step on."""
+    meshes = {name: trimesh.Trimesh(metadata={"name": name}) for name in losses}
+
+    def trial(mesh, *_):
+        return iter(losses[mesh.metadata["name"]])
+
+    return score_meshes(meshes, *scene, trial, progress)
+
+
+def test_the_better_go_on_and_the_first_at_the_end_is_the_best(scene):
+    """By hand: falling losses whose order turns over from round to round."""
+    (first, three, _), (second, two, factor), (last, _, _) = ROUNDS
+    assert (three, two) == (3, 2)
+    assert 1.4 <= factor < 2.5
+    steps = np.arange(last + 1)
+    losses = {
+        "quick": np.where(steps < second, 0.1, 0.3),
+        "slow": np.where(steps <= second, 0.14, 0.1),
+        "third": np.full(last + 1, 0.25),
+        "late": np.where(steps <= first, 0.5, 0.0),  # too late
+    }
+    told = []
+    scores = scores_of(scene, losses, told.append)
+    # Of four 20 steps, of three 40 more, of two 140 more, and the loss before the first of each.
+    steps = 4 * (first + 1) + 3 * (second - first) + 2 * (last - second)
+    assert len(told) == steps + 1
+    assert max(told[:-1]) == steps / (steps + 1)
+    assert told[-1] == 1
+    assert list(scores) == ["slow", "quick", "third", "late"]
+    assert [score.steps for score in scores.values()] == [last, last, second, first]
+    assert scores["slow"].before == 0.14
+    assert scores["slow"].after == 0.1
+
+
+def test_what_is_far_behind_is_not_waited_for(scene):
+    """The same but for a loss after the second round that is not near the least."""
+    _, second, last = (steps for steps, *_ in ROUNDS)
+    steps = np.arange(last + 1)
+    losses = {
+        "quick": np.full(last + 1, 0.1),
+        "slow": np.where(steps <= second, 0.25, 0.0),
+        "third": np.full(last + 1, 0.3),
+    }
+    scores = scores_of(scene, losses)
+    assert list(scores) == ["quick", "slow", "third"]
+    assert {score.steps for score in scores.values()} == {second}
+
+
+def test_a_single_leap_of_the_loss_counts_for_nothing(scene):
+    last = ROUNDS[-1][0]
+    calm, leaping = np.full(last + 1, 0.02), np.full(last + 1, 0.01)
+    leaping[-LATEST // 2 :: 3] = 0.5
+    scores = scores_of(scene, {"calm": calm, "leaping": leaping})
+    assert next(iter(scores)) == "leaping"
+
+
+def test_a_trial_that_ends_early_comes_last(scene):
+    scores = scores_of(scene, {"broken": [0.01] * 5, "sound": [0.9] * (ROUNDS[-1][0] + 1)})
+    assert list(scores) == ["sound", "broken"]
+    assert scores["broken"].before == 0.01
+    assert scores["broken"].after == np.inf
+
+
+def test_auto_takes_what_does_best(scene):
+    first = make_initial_mesh(Init(shape="auto", vertices=300), *scene, overlap)
+    scores = first.told["scores"]
+    assert set(scores) == set(PLACED)
+    assert first.told["shape"] == next(iter(scores)) in ("ellipsoid", "hull")
+    rounds = [(-score["steps"], score["after"]) for score in scores.values()]
+    assert rounds == sorted(rounds)
+    assert len(first.mesh.vertices) == 300
+    small, eyes = look_smaller(*scene, 64, VIEWS)
+    plain = make_initial_mesh(Init(shape="cube", vertices=642), *scene).mesh
+    assert scores["cube"]["before"] == pytest.approx(next(overlap(plain, eyes, small)))
+
+
+def test_auto_passes_over_an_empty_hull():
+    cameras = turntable(5, SIZE)
+    seen = silhouettes(cameras, [0.2] * 3)
+    seen[3] = np.roll(seen[3], 45, axis=0)
+    told = make_initial_mesh(Init(shape="auto", vertices=162), seen, cameras, overlap).told
+    assert "hull" not in told["scores"]
+    assert "contradict each other" in told["warnings"][0]
+
+
+def test_small_looks_are_of_the_same_world(scene):
+    seen, cameras = scene
+    small, eyes = look_smaller(seen, cameras, 48, 4)
+    assert small.shape == (4, 48, 48)
+    assert eyes.views == ("v0", "v2", "v4", "v6")
+    plain = silhouettes(eyes, AXES, CENTRE)
+    assert mean_iou(small, plain) > 0.95
+    same, _ = look_smaller(seen, cameras, 200, 100)
+    np.testing.assert_array_equal(same, seen)
+
+
+def test_an_object_that_the_photographs_frame_cuts_is_not_cut_off_there():
+    """Of padded photographs: beyond their box nothing is known, though the image goes on."""
+    cameras = turntable(8, SIZE)
+    tall = [0.15, 0.35, 0.15]
+    seen = silhouettes(cameras, tall)
+    rows = np.flatnonzero(seen.any(axis=(0, 2)))
+    frame = (0, int(rows[0]) + 8, SIZE, SIZE)  # the top of the object is not in the photographs
+    padded = seen.copy()
+    padded[:, : frame[1]] = False
+    high = []
+    for given in ((padded, cameras), crop(padded, cameras, frame)):
+        first = make_initial_mesh(Init(shape="hull", vertices=200), *given)
+        high.append(first.mesh.vertices[:, 1].max() / 2)
+        warned = any("the frame cuts the object" in w for w in first.told["warnings"])
+        assert warned == (given[1] is not cameras)
+    assert high[0] < 0.3 < 0.34 < high[1]
