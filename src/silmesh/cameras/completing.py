@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import PIL.Image  # noqa: F401, before pycolmap, or saving a PNG crashes
 import pycolmap
 
@@ -31,6 +32,8 @@ from silmesh.settings.cameras import Reconstruction
 FEWEST_MATCHES = 10  # of a pair that is looked at, where COLMAP asks for 15
 FEWEST_INLIERS = 15  # points that a view tried again must meet, where COLMAP asks for 30
 INLIERS = 0.15  # of the points that it is compared to, where COLMAP asks for 0.25
+NEAR = 4.0  # pixels per 1000 of the photograph by which matches miss what the poses say
+EXPLAINED = 0.5  # of a view's matches, at least, by its pose
 HELD = 0.5  # of the points of two models, that are left when their join was adjusted
 MANY = 0.1  # of the views: where more are left, the mapper begins anew with the new matches
 OUTLIERS = 2.0  # pixels, from which a residual counts less while a join is adjusted
@@ -202,15 +205,61 @@ def _continue(
     if not found:
         return model
     more = max(found.values(), key=_size)
-    _drop_weak(more, set(model.reg_image_ids()))
+    _drop_weak(more, set(model.reg_image_ids()), database)
     return more
 
 
-def _drop_weak(model: pycolmap.Reconstruction, before: set[int]) -> None:
-    """Take the pose of views that were added and meet few points when all is adjusted."""
+def _drop_weak(model: pycolmap.Reconstruction, before: set[int], database: Path) -> None:
+    """Take the pose of views that were added and fit badly when all is adjusted.
+
+    A few points may be met by chance, or by a pattern that repeats; a view's matches with all other
+    photographs are not.
+    """
+    explained = explain_matches(model, database)
     for i in sorted(set(model.reg_image_ids()) - before):
-        if model.image(i).num_points3D < FEWEST_INLIERS:
+        fit, there = explained.get(i, (0, 0))
+        if model.image(i).num_points3D < FEWEST_INLIERS or fit < EXPLAINED * there:
             model.deregister_frame(model.image(i).frame_id)
+
+
+def explain_matches(model: pycolmap.Reconstruction, database: Path) -> dict[int, tuple[int, int]]:
+    """Of each placed view: how many matches with other placed views its pose explains, and all.
+
+    A match is explained if it misses its epipolar line by less than ``NEAR`` pixels per 1000 of the
+    photograph (Sampson's distance).
+    """
+    with pycolmap.Database.open(database) as opened:
+        ids, geometries = opened.read_two_view_geometries()
+    placed = set(model.reg_image_ids())
+    counts: dict[int, list[int]] = {}
+    for pair, geometry in zip(ids, geometries, strict=True):
+        numbers = pycolmap.pair_id_to_image_pair(pair)
+        if len(geometry.inlier_matches) and placed.issuperset(numbers):
+            near = _miss_epipolar(model, numbers, np.asarray(geometry.inlier_matches)) < NEAR
+            for i in numbers:
+                both = counts.setdefault(i, [0, 0])
+                both[0] += int(near.sum())
+                both[1] += len(near)
+    return {i: (fit, there) for i, (fit, there) in counts.items()}
+
+
+def _miss_epipolar(
+    model: pycolmap.Reconstruction, numbers: tuple[int, int], matches: np.ndarray
+) -> np.ndarray:
+    """Sampson's distance of matches [n, 2] of two placed views, in pixels per 1000: [n]."""
+    images = [model.image(i) for i in numbers]
+    rays, sharpness = [], []
+    for image, column in zip(images, matches.T, strict=True):
+        camera = model.camera(image.camera_id)
+        at = np.array([image.points2D[int(j)].xy for j in column])
+        rays.append(np.column_stack([camera.cam_from_img(at), np.ones(len(at))]))
+        sharpness.append(camera.mean_focal_length() * 1000 / max(camera.width, camera.height))
+    first, second = (image.cam_from_world() for image in images)
+    essential = pycolmap.essential_matrix_from_pose(second * first.inverse())
+    lines, back = rays[0] @ essential.T, rays[1] @ essential
+    slope = (lines[:, :2] ** 2).sum(1) + (back[:, :2] ** 2).sum(1)
+    off = np.abs((rays[1] * lines).sum(1)) / np.sqrt(slope)
+    return off * float(np.mean(sharpness))
 
 
 def _left(database: Path, model: pycolmap.Reconstruction) -> int:
