@@ -41,7 +41,7 @@ ROUNDING = 1e-4  # that is let pass in a rotation matrix: four decimals
 OPENGL = np.diag([1.0, -1.0, -1.0])  # from OpenGL's camera axes (y up, looking along -z) to ours
 MIRROR = (1.0, 1.0, -1.0)  # from a left-handed world to its mirror image, which is right-handed
 OBJECT_RADIUS = 0.5  # of the sphere about the origin that holds the object in the normalised world
-FIRST_SCALE = 2.0  # an initial mesh is kept so many times as large as fitted, as the report's
+INITIAL_SCALE = 2.0  # an initial mesh is kept so many times as large as fitted, as the report's
 
 
 @dataclass(frozen=True)
