@@ -316,7 +316,7 @@ def find_cameras(
 def initial_mesh(
     scene: Scene, shape: str = HULL, *, progress: Share = untold, **settings: Any
 ) -> Initial:
-    """Make an initial mesh, at unit size: ``.mesh``, and ``.told`` of how it was made.
+    """Make an initial mesh, at unit size: ``.mesh``, and ``.notes`` of how it was made.
 
     Args:
         scene: that it is for
@@ -589,7 +589,7 @@ class _Search:
 
 def _attempt_own(cameras: Cameras, views: Sequence[View]) -> Attempt:
     """Cameras that a person has in memory, as an attempt."""
-    from silmesh.cameras.formats.matching import Rules, match
+    from silmesh.cameras.formats.assignment import Rules, match
 
     attempt = match(Path(OWN), cameras, views, Rules(working=True))
     figures = {"file": OWN, "cameras": len(cameras), "written": WORLD_TO_CAMERA}

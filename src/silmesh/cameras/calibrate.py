@@ -146,12 +146,7 @@ def calibrate(
         InputError: fewer than 3 views have a silhouette, one fills its image, or no turntable
             explains them
     """
-    shown = np.flatnonzero(silhouettes.any(axis=(1, 2)))
-    if len(shown) < FEWEST_VIEWS:
-        raise InputError(
-            f"cameras 'calibrate': there are {len(shown)} views with a silhouette; it takes at "
-            f"least {FEWEST_VIEWS}, and a dozen to be trusted"
-        )
+    shown = _find_shown(silhouettes)
     samples = int(np.clip(POINTS // len(views), FEWEST_SAMPLES, MOST_SAMPLES))
     named = [views[i] for i in shown]
     outlines = trace(silhouettes[shown], samples, named, None if frames is None else frames[shown])
@@ -159,12 +154,7 @@ def calibrate(
     known = [i for i, value in ((ELEVATION, elevation), (STEP, step)) if value is not None]
     sides = (1,) if above_table else (1, -1)
     starts = _search(turn, len(views), step, elevation, sides, within(progress, 0, SEARCHED))
-    refining = within(progress, SEARCHED, REFINED)
-    fits = []
-    for done, start in enumerate(starts, start=1):
-        fits.append(turn.fit(start, _free(turn, known), FINE_STEPS))
-        refining(done / len(starts))
-    fits = sorted(fits, key=lambda fit: turn.cost(fit.x))
+    fits = _refine(turn, starts, _free(turn, known), within(progress, SEARCHED, REFINED))
     mirror = "elevation"
     if elevation is None:
         fits, mirror = _resolve_mirror(turn, fits, _free(turn, known), above_table)
@@ -220,6 +210,17 @@ def attempt_calibration(
     return Attempt("calibrate", found.cameras, warnings=found.warnings, figures=figures)
 
 
+def _find_shown(silhouettes: np.ndarray) -> np.ndarray:
+    """Positions of the views with a silhouette, if there are enough of them."""
+    shown = np.flatnonzero(silhouettes.any(axis=(1, 2)))
+    if len(shown) < FEWEST_VIEWS:
+        raise InputError(
+            f"cameras 'calibrate': there are {len(shown)} views with a silhouette; it takes at "
+            f"least {FEWEST_VIEWS}, and a dozen to be trusted"
+        )
+    return shown
+
+
 def _free(turn: Turntable, known: Sequence[int], offsets: bool = False) -> np.ndarray:
     """Positions of the parameters that a fit may change."""
     free = [i for i in range(len(NAMES)) if i not in known]
@@ -259,6 +260,17 @@ def _search(
     most = RIVAL * found[0][0] + NOISE**2
     best = [x[: len(NAMES)] for cost, x in found[:RIVALS] if cost < most]
     return [np.concatenate([x, np.zeros(len(turn.index))]) for x in best]
+
+
+def _refine(
+    turn: Turntable, starts: Sequence[np.ndarray], free: np.ndarray, progress: Share
+) -> list[OptimizeResult]:
+    """Fit the parameters ``free`` from each start, on all views and points; the best fit first."""
+    fits = []
+    for done, start in enumerate(starts, start=1):
+        fits.append(turn.fit(start, free, FINE_STEPS))
+        progress(done / len(starts))
+    return sorted(fits, key=lambda fit: turn.cost(fit.x))
 
 
 def _resolve_mirror(

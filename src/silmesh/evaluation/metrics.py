@@ -86,11 +86,11 @@ def _compare(
     """Compare a mesh to the truth, after it was ``laid`` on it if that is asked for."""
     # What only a truth needs: libraries that take half a second of a run without one.
     from silmesh.evaluation.ground_truth import compare_to_truth
-    from silmesh.evaluation.registration import align
+    from silmesh.evaluation.registration import register
 
     if not laid:
         return compare_to_truth(mesh, truth)
-    found = align(mesh, truth)
+    found = register(mesh, truth)
     moved = trimesh.Trimesh(found.apply(mesh.vertices), mesh.faces, process=False)
     placement = {"scale": found.scale, "R": found.R.tolist(), "t": found.t.tolist()}
     notes = {"aligned": True, "scale": found.scale, "placement": placement}

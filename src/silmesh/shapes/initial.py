@@ -20,11 +20,11 @@ from silmesh.shapes.downsample import crop
 from silmesh.shapes.primitives import PRIMITIVES, placed_primitive, plain_primitive
 from silmesh.shapes.sphere import unit_sphere
 
-PLACED = (*PRIMITIVES, *CARVED)  # in the world, by all views; what `auto` chooses of
+PLACED = (*PRIMITIVES, *CARVED)  # shapes that all views place in the world; `auto` tries these
 SHAPES = ("sphere", *PLACED, "auto")
-FALLBACK = "ellipsoid"
-LOST = 0.001  # of a carved body's volume in other pieces, from which on a person is told
-NAMED = 5  # views that a warning names
+FALLBACK = "ellipsoid"  # the shape that is taken if a hull is empty
+LOST = 0.001  # share of a carved body's volume in smaller pieces from which to warn
+NAMED = 5  # most views that a warning names
 
 
 @dataclass(frozen=True)
