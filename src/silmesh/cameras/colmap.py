@@ -138,18 +138,18 @@ def in_working_pixels(
     """The cameras with these poses and with the model's lenses, for the working images."""
     images = registered(found, views)
     by_name = {view.view: view for view in views}
-    registered = [by_name[image.name] for image in images]
+    of_images = [by_name[image.name] for image in images]
     K = np.stack([found.cameras[image.camera_id].calibration_matrix() for image in images])
     cameras = Cameras(
-        tuple(view.view for view in registered),
-        torch.tensor([[view.width, view.height] for view in registered]),
+        tuple(view.view for view in of_images),
+        torch.tensor([[view.width, view.height] for view in of_images]),
         torch.as_tensor(K),
         R,
         t,
         tuple(lens(found.cameras[image.camera_id]) for image in images),
     )
-    maps = torch.as_tensor(np.stack([view.pixel_map for view in registered]))
-    return cameras.in_pixels_of(maps, torch.tensor([[view.size, view.size] for view in registered]))
+    maps = torch.as_tensor(np.stack([view.pixel_map for view in of_images]))
+    return cameras.in_pixels_of(maps, torch.tensor([[view.size, view.size] for view in of_images]))
 
 
 def lens(camera: pycolmap.Camera) -> Lens | None:
