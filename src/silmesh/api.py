@@ -384,8 +384,8 @@ def evaluate(
         fitted: by ``fit``
         scene: that it was fitted to
         initial: of which the metrics say how it was made
-        truth: the true mesh, or its file, in the frame of the cameras; the mesh is first laid on it
-            where the cameras were found from the photographs
+        truth: the true mesh, or its file, in the frame of the cameras; the mesh is first registered
+            with it if the cameras were found from the photographs
 
     Raises:
         InputError: the truth cannot be read

@@ -35,10 +35,10 @@ def _find_by_threshold(image: Image.Image, view: View, file: Path | None) -> np.
 SOURCES = {"mask": mask.find, "alpha": alpha.find, "threshold": _find_by_threshold}
 NETWORKS = tuple(Networks.model_fields)  # each the module of its name, with `find_all`
 GIVEN = ("mask", "alpha")  # sources that a person made
-GREY = 124
-LOST = "lost.json"  # which silhouettes are empty because something could not be read, if any are
-FEWEST = 2  # views with a silhouette
-AROUND = 0.7  # of a photograph's border: a mask of a person's that covers more is inverted
+GREY = 124  # grey level of the object in a silhouette's file
+LOST = "lost.json"  # names views whose silhouette is empty since a file could not be read
+FEWEST = 2  # least number of views with a silhouette
+AROUND = 0.7  # a given mask that covers more of the photograph's border counts as inverted
 HINTS = {
     "mask": ", white in its mask",
     "alpha": " and be opaque there, more than 127 of 255",
