@@ -23,7 +23,7 @@ SECONDS = {
     "colmap_masked": (2.0, 0.1),
     "scene": (1.0, 0.012),
     "judge": (1.0, 0.1),
-    "first": (2.0, 0.01),
+    "initial": (2.0, 0.01),
     "fit": (4.0, 0.04),
     "colour": (1.0, 0.005),
     "evaluate": (1.0, 0.005),
