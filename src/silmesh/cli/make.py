@@ -80,12 +80,8 @@ def make_mesh(
     _try_outputs(output, page)
     folder, name = place_of(paths, keep)
     try_workspace(folder, OTHER_KEEP if keep else OTHER_CACHE)
-    others = [output, page, masks, _path_of(cameras), folder]
     named = _cut_video(paths, folder)
-    files, notes = find_photographs(named, [path for path in others if path])
-    found, lacking = _find_masks(files, masks, silhouettes)
-    known = [] if _path_of(cameras) else find_cameras(files)
-    _say(describe_count(files), *notes, *lacking, *known)
+    files, found = _find_inputs(named, masks, silhouettes, cameras, (output, page, folder))
     silhouettes, tries = _choose(files, found, silhouettes, cameras)
     if silhouettes == MASK:
         refuse_labels(found)
@@ -174,6 +170,27 @@ def _cut_video(paths: Sequence[Path], folder: Path) -> Sequence[Path]:
     claim(folder)
     _say(f"{paths[0]}: is a video; the sharpest pictures are taken from it")
     return cut(paths[0], folder / VIDEO / "frames")
+
+
+def _find_inputs(
+    named: Sequence[Path],
+    masks: Path | None,
+    silhouettes: str | None,
+    cameras: str | None,
+    others: Sequence[Path | None],
+) -> tuple[list[Path], list[Path]]:
+    """The photographs and their masks, if these are wanted; says what lies there and is not used.
+
+    Args:
+        named: a folder, or files
+        others: what else is named, which is no photograph that was overlooked
+    """
+    besides = [path for path in (*others, masks, _path_of(cameras)) if path]
+    files, notes = find_photographs(named, besides)
+    found, lacking = _find_masks(files, masks, silhouettes)
+    known = [] if _path_of(cameras) else find_cameras(files)
+    _say(describe_count(files), *notes, *lacking, *known)
+    return files, found
 
 
 def _find_masks(
