@@ -26,7 +26,7 @@ from silmesh.naming import natural_key
 from silmesh.planning.provenance import SOURCE
 from silmesh.settings.fit import FITS
 from silmesh.settings.quality import Policy
-from silmesh.settings.silhouettes import SilhouetteSource
+from silmesh.settings.silhouettes import SOURCES
 
 COMMAND = [sys.executable, "-c", "from silmesh.cli.main import main; main(prog_name='silmesh')"]
 VIEWS = 12
@@ -70,7 +70,7 @@ def test_completion_of_words_and_options():
 
 def test_choices_are_those_of_the_configuration():
     make = {option.name: option for option in main.commands["make"].params}
-    assert set(make["silhouettes"].type.choices) == set(get_args(SilhouetteSource))
+    assert set(make["silhouettes"].type.choices) == set(SOURCES)
     assert set(make["preset"].type.choices) == set(FITS)
     assert set(make["quality"].type.choices) == set(get_args(Policy))
 

@@ -20,12 +20,12 @@ from silmesh.fitting.image_pyramid import Level, levels_of
 from silmesh.fitting.loop import refuse_not_finite
 from silmesh.fitting.losses import Objective
 from silmesh.fitting.placement import place
+from silmesh.fitting.renderers import find_renderer
 from silmesh.fitting.smooth import Smooth, UniformAdam
 from silmesh.fitting.untangle import untangle
 from silmesh.geometry.camera import FIRST_SCALE, Cameras
 from silmesh.geometry.remeshing import even_length, remesh
 from silmesh.settings.fit import FastFit
-from silmesh.softras import soft_silhouettes
 
 PRIOR = 0.01  # weight of the cameras' prior
 CAMERA_STEP = 0.1  # of Adam's first steps, in the prior's standard deviations
@@ -97,6 +97,7 @@ class Fast:
         weights: Tensor | None = None,
     ):
         self._told, self._weights = settings, weights
+        self._render = find_renderer(settings.renderer)
         sigma = settings.sigma_at(silhouettes.shape[-1])
         self._levels = levels_of(cameras, silhouettes, sigma, settings.coarse_to_fine)
         self._batches = math.ceil(len(cameras) / (settings.batch or len(cameras)))
@@ -149,7 +150,7 @@ class Fast:
         index, verts = self._choose(), self._smooth(self._state.u)
         cameras = level.see(self._cameras(index))
         seen = level.silhouettes[index]
-        alpha = soft_silhouettes(
+        alpha = self._render(
             cameras.project(verts), self.faces, tuple(seen.shape[1:]), sigma=level.sigma
         )
         weights = None if self._weights is None else self._weights[index]

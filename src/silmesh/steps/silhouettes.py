@@ -6,8 +6,8 @@ from pathlib import Path
 
 from silmesh.progress import Progress
 from silmesh.settings.silhouettes import Networks
-from silmesh.silhouettes import NETWORKS, SOURCES, write_silhouettes
-from silmesh.steps.command import add_settings, output_folder, parser, run
+from silmesh.silhouettes import write_silhouettes
+from silmesh.steps.command import add_settings, output_folder, parser, run, silhouette_source
 from silmesh.views import read_views
 
 
@@ -15,7 +15,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Parse, load, call, save."""
     args = parser(__doc__)
     args.add_argument("--views", type=Path, required=True, help="folder of the working images")
-    args.add_argument("--source", choices=[*SOURCES, *NETWORKS], required=True)
+    args.add_argument("--source", type=silhouette_source, required=True, help="as in the table")
     args.add_argument("--masks", nargs="*", type=Path, default=[], help="files, a view each")
     add_settings(args, Networks, of="the networks")
     args.add_argument("--threads", type=int, help="of a network")
