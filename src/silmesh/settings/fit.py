@@ -18,9 +18,16 @@ from silmesh.settings.section import (
     whole,
 )
 
-Preset = Literal["softras", "fast"]  # the model of each is in FITS, below
+Preset = Literal[  # the model of each is in FITS, below
+    "softras",
+    "fast",
+]
 AUTO = "auto"
-RENDERERS = (AUTO, "cpu", "reference")  # each but the first the module of its name in softras
+RENDERERS = (  # each but the first is the module of its name in softras
+    AUTO,
+    "cpu",
+    "reference",
+)
 Renderer = Literal[RENDERERS] | OwnCode
 Options = Annotated[
     dict[str, bool | int | float | str], "names, each with a number, words, true or false"
@@ -107,7 +114,10 @@ class OwnFit(SoftRasFit):
     options: Options = Field({}, description="what else it takes, as it is")
 
 
-FITS = {"softras": SoftRasFit, "fast": FastFit}  # by the preset; a module of its name in fitting
+FITS = {  # by the preset, whose procedure is the module of its name in fitting
+    "softras": SoftRasFit,
+    "fast": FastFit,
+}
 OWN = "own"  # what is none of these is of
 
 
