@@ -75,6 +75,23 @@ def test_choices_are_those_of_the_configuration():
     assert set(make["quality"].type.choices) == set(get_args(Policy))
 
 
+def test_a_method_is_one_of_ours_or_ones_own(tmp_path):
+    for option, known in {"--silhouettes": "mask, alpha", "--preset": "softras, fast"}.items():
+        status, said = call(tmp_path, option, "magic")
+        assert status == 2
+        assert f"'magic' is not one of {known}" in said
+        assert "nor one of your own, path/to/file.py:function" in said
+
+
+@pytest.mark.parametrize("option", ["--silhouettes", "--preset", "--init"])
+def test_code_of_ones_own_is_looked_for_before_any_work(tmp_path, monkeypatch, option):
+    monkeypatch.chdir(tmp_path)
+    photograph(tmp_path / "photos")
+    status, said = call("photos", option, "mine.py:do", "--keep", "work")
+    assert status == 2
+    assert f"{tmp_path}/mine.py: is not there; should be path/to/file.py:function" in said
+
+
 def test_what_is_wrong_is_one_line_and_status_2(tmp_path):
     status, said = call(tmp_path)
     assert status == 2

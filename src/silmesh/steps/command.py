@@ -12,7 +12,6 @@ from typing import Any, NoReturn
 from silmesh.errors import InputError
 from silmesh.files import NOT_OURS, try_file, try_folder, try_inside
 from silmesh.settings.check import check
-from silmesh.settings.silhouettes import check_source
 
 
 class _Parser(argparse.ArgumentParser):
@@ -52,14 +51,6 @@ def add_settings(
     args.add_argument(
         option, type=read, default="{}", metavar="JSON", help=f"of {of}, as in the configuration"
     )
-
-
-def silhouette_source(name: str) -> str:
-    """The type of an argument that names a source of silhouettes."""
-    try:
-        return check_source(name)
-    except InputError as error:
-        raise argparse.ArgumentTypeError(str(error)) from error
 
 
 def output_file(path: str) -> Path:
