@@ -32,7 +32,7 @@ def find_all(views: Sequence[View], source: str) -> Iterator[np.ndarray]:
         found = ask(source, find, photograph)
         _refuse_other(f"{source}: of {view.source}", found, size)
         drawn = Image.fromarray(np.where(found, 255, 0).astype(np.uint8))
-        yield np.asarray(view.place(drawn, Image.Resampling.BILINEAR)) > 127
+        yield np.asarray(view.into_square(drawn, Image.Resampling.BILINEAR)) > 127
 
 
 def _refuse_other(where: str, found: Any, size: tuple[int, int]) -> None:
