@@ -310,15 +310,23 @@ def _configure(
     file = _path_of(cameras)
     where = f"{kind}:{usable(file.absolute())}" if file else cameras
     variant = kind if kind.isidentifier() else "mesh"
-    # The workflow runs in another folder.
-    init = str(Path(options["init"]).absolute()) if own_file(options["init"]) else options["init"]
-    row = {"silhouettes": silhouettes, "cameras": where, "turntable": options["turntable"]}
+    init, preset = _from_anywhere(options["init"]), _from_anywhere(options["preset"])
+    row = {
+        "silhouettes": _from_anywhere(silhouettes),
+        "cameras": where,
+        "turntable": options["turntable"],
+    }
     values = {
         "views": {"size": options["size"]},
         "quality": {"policy": options["quality"]},
-        "variants": {variant: {"init": {"shape": init}, "fit": {"preset": options["preset"]}}},
+        "variants": {variant: {"init": {"shape": init}, "fit": {"preset": preset}}},
     }
     return variant, row, values
+
+
+def _from_anywhere(method: str) -> str:
+    """A method's name, the path of a person's own made absolute: the workflow runs elsewhere."""
+    return str(Path(method).absolute()) if own_file(method) else method
 
 
 def _as_written(said: str, cameras: str) -> str:
