@@ -6,8 +6,8 @@ from pathlib import Path
 import PIL.Image  # noqa: F401, before pycolmap, or saving a PNG crashes
 import pycolmap
 
-SMALLEST = 3  # views of a model
-GROWTH = 1.4  # of the views or points, after which all of them are adjusted again
+SMALLEST = 3  # least number of views of a model
+GROWTH = 1.4  # factor of growth in views or points after which all are bundle-adjusted again
 
 
 def stepwise_options(seed: int) -> pycolmap.IncrementalPipelineOptions:
