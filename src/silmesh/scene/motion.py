@@ -127,12 +127,9 @@ def judge_model(
     if whole.cameras is not None and coherence >= COHERENT:
         return whole
     largest = _judge(source, model / LARGEST, report, views, silhouettes)
-    best, _ = max(
-        (whole, coherence),
-        (largest, largest.figures.get("coherence", 0.0) - NEAR),
-        key=lambda one: (one[0].cameras is not None, one[1]),
-    )
-    if best is whole:
+    if largest.cameras is None:
+        return whole
+    if whole.cameras is not None and coherence >= largest.figures["coherence"] - NEAR:
         return whole
     said = (
         f"cameras {source!r}: the model that was completed to {report.figures['models'][0]} views "
