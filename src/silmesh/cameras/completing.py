@@ -139,12 +139,12 @@ def adjust_join(
     robust = options.get_global_bundle_adjustment()
     robust.ceres.loss_function_type = pycolmap.LossFunctionType.CAUCHY
     robust.ceres.loss_function_scale = OUTLIERS
-    pycolmap.bundle_adjustment(merged, robust)
     with pycolmap.Database.open(database) as opened:
         choice = pycolmap.DatabaseCacheOptions(min_num_matches=options.min_num_matches)
         cache = pycolmap.DatabaseCache.create(opened, choice)
     mapper = pycolmap.IncrementalMapper(cache)
     mapper.begin_reconstruction(merged)
+    mapper.adjust_global_bundle(options.get_mapper(), robust)
     mapper.iterative_global_refinement(
         options.ba_global_max_refinements,
         options.ba_global_max_refinement_change,
