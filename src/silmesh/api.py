@@ -334,7 +334,7 @@ def initial_mesh(
         scene.cameras,
         trial_with(SoftRasFit()),
         progress,
-        scene.told["frame"],
+        scene.frames,
     )
 
 

@@ -4,10 +4,13 @@ Each pixel of the new image is sought where the lens puts it in the old one. A l
 pixel of a silhouette's surroundings by more than ``MATTERS`` is left out instead: resampling would
 cost more than it mends. The new camera has the old K; where the straightened silhouette would leave
 the image that it lay within, the new camera sees more, about the middle of the image.
+
+A straightened photograph has a curved border. It is taken to fill its image, and where its frame
+cuts the silhouette to reach as far as a box does in which it showed something everywhere.
 """
 
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,6 +20,7 @@ from PIL import Image
 
 from silmesh.errors import InputError
 from silmesh.geometry.camera import Cameras
+from silmesh.geometry.frame import count_on_frame, whole_frames
 from silmesh.geometry.lens import Lens
 
 MATTERS = 0.1  # pixels of the working image
@@ -32,11 +36,14 @@ class Straightened:
         sources: by the views that change: [height, width, 2] float32, where each pixel of the new
             image lies in the old one, in pixels; NaN where it showed nothing
         displacement: in pixels of the working images, the largest that any lens causes
+        frames: [views, 4] left, top, right and bottom of the photographs within the new
+            images; None if that was not asked
     """
 
     cameras: Cameras
     sources: Mapping[str, np.ndarray]
     displacement: float
+    frames: np.ndarray | None = None
 
     def silhouettes(self, old: np.ndarray) -> np.ndarray:
         """Silhouettes [views, height, width] bool in the order of the cameras, straightened."""
@@ -66,7 +73,9 @@ class Straightened:
             self.image(view, image).save(new)
 
 
-def straighten(cameras: Cameras, silhouettes: np.ndarray) -> Straightened:
+def straighten(
+    cameras: Cameras, silhouettes: np.ndarray, frames: Sequence[Sequence[int]] | None = None
+) -> Straightened:
     """Take the lenses away from cameras.
 
     A view whose silhouette is empty is taken to show the object where any of the others does.
@@ -74,12 +83,15 @@ def straighten(cameras: Cameras, silhouettes: np.ndarray) -> Straightened:
     Args:
         cameras: in pixels of the silhouettes
         silhouettes: [views, height, width] bool, not all empty
+        frames: [views, 4] of the photographs within the images; the whole images if not given
 
     Raises:
         InputError: a silhouette lies where its lens shows no direction that a pinhole sees
     """
     K, sources, most = cameras.K.numpy().copy(), {}, 0.0
-    anywhere = silhouettes.any(axis=0)
+    anywhere, whole = silhouettes.any(axis=0), whole_frames(silhouettes)
+    frames = whole if frames is None else np.asarray(frames)
+    left = frames.copy()
     for i, (view, lens, seen) in enumerate(
         zip(cameras.views, cameras.lenses, silhouettes, strict=True)
     ):
@@ -99,8 +111,10 @@ def straighten(cameras: Cameras, silhouettes: np.ndarray) -> Straightened:
             new = _fit(straight, seen) @ K[i]
             sources[view] = _find_sources(seen.shape, new, K[i], lens)
             K[i] = new
+            cut = count_on_frame(silhouettes[i], frames[i]) > 0
+            left[i] = _find_frame(sources[view], frames[i]) if cut else whole[i]
     pinholes = replace(cameras, K=torch.as_tensor(K), lenses=())
-    return Straightened(pinholes, sources, most)
+    return Straightened(pinholes, sources, most, left)
 
 
 def _box_points(silhouette: np.ndarray) -> np.ndarray:
@@ -146,6 +160,22 @@ def _find_sources(
     rows, columns = np.indices(shape)
     centres = np.stack([columns, rows], axis=-1) + 0.5
     return _to_pixels(lens.distort(_normalise(centres, new)), old).astype(np.float32)
+
+
+def _find_frame(sources: np.ndarray, frame: np.ndarray) -> list[int]:
+    """A box of new pixels of which each was within the photograph's frame in the old image.
+
+    From the whole image on, the side that holds the largest share of others is moved inwards.
+    """
+    with np.errstate(invalid="ignore"):
+        there = ((sources > frame[:2]) & (sources < frame[2:])).all(axis=2)
+    left, top, bottom, right = 0, 0, *there.shape
+    while not (box := there[top:bottom, left:right]).all():
+        sides = [box[:, 0], box[0], box[:, -1], box[-1]]
+        worst = int(np.argmin([side.mean() for side in sides]))
+        left, top = left + (worst == 0), top + (worst == 1)
+        right, bottom = right - (worst == 2), bottom - (worst == 3)
+    return [left, top, right, bottom]
 
 
 def _sample(image: np.ndarray, sources: np.ndarray, mode: str) -> np.ndarray:

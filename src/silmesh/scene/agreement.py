@@ -11,8 +11,8 @@ from silmesh.geometry.camera import Cameras, Similarity
 from silmesh.geometry.silhouette_iou import coherence
 from silmesh.geometry.thresholds import REFUSED
 from silmesh.geometry.undistortion import Straightened, straighten
-from silmesh.geometry.visual_hull import carve
-from silmesh.scene.scene import normalising, refuse_camera_inside
+from silmesh.geometry.visual_hull import carve, find_enclosed
+from silmesh.scene.scene import normalising, refuse_enclosed
 
 FEWEST = 2  # silhouettes that are not empty
 NEAR = 0.02  # of hull IoU: attempts that differ by less are told apart by their number of views
@@ -46,7 +46,11 @@ def find_shown(silhouettes: np.ndarray) -> np.ndarray:
 
 
 def place(
-    cameras: Cameras, silhouettes: np.ndarray, keep_world: bool = False, resolution: int = 128
+    cameras: Cameras,
+    silhouettes: np.ndarray,
+    keep_world: bool = False,
+    resolution: int = 128,
+    frames: np.ndarray | None = None,
 ) -> Placed:
     """Take the cameras' lenses away, normalise their world and measure their coherence.
 
@@ -57,9 +61,11 @@ def place(
         silhouettes: [views, height, width] bool, of the cameras' views
         keep_world: it is normalised already
         resolution: of the hull, as ``carve`` takes it
+        frames: [views, 4] of the photographs within the images; the whole images if not given
 
     Raises:
-        InputError: the cameras do not look at one object, or fewer than two silhouettes show it
+        InputError: the cameras do not look at one object, one stands inside it, or fewer than two
+            silhouettes show it
     """
     shown = find_shown(silhouettes)
     if len(shown) < FEWEST:
@@ -67,27 +73,31 @@ def place(
             f"{len(shown)} of the {len(cameras)} views with a camera have a silhouette that is not "
             f"empty; should be {FEWEST} or more"
         )
-    straightened = straighten(cameras, silhouettes)
+    straightened = straighten(cameras, silhouettes, frames)
     cameras, silhouettes = straightened.cameras, straightened.silhouettes(silhouettes)
-    kept, seen = cameras.select(shown), silhouettes[shown]
-    similarity = Similarity.identity() if keep_world else normalising(kept, seen)
+    kept, seen, spoken = cameras.select(shown), silhouettes[shown], straightened.frames[shown]
+    similarity = Similarity.identity() if keep_world else normalising(kept, seen, spoken)
     cameras, kept = cameras.in_world_of(similarity), kept.in_world_of(similarity)
-    refuse_camera_inside(cameras)
+    refuse_enclosed(kept, find_enclosed(seen, kept, spoken))
     agreement = np.zeros(len(cameras))
-    agreement[shown] = coherence(carve(seen, kept, resolution), kept, seen)
+    hull = carve(seen, kept, resolution, frames=spoken)
+    agreement[shown] = coherence(hull, kept, seen, spoken)
     return Placed(cameras, straightened, similarity, agreement)
 
 
-def refuse_incoherent(attempt: Attempt, silhouettes: np.ndarray) -> Attempt:
+def refuse_incoherent(
+    attempt: Attempt, silhouettes: np.ndarray, frames: np.ndarray | None = None
+) -> Attempt:
     """The attempt with its ``coherence`` among its figures, or refused for it.
 
     Args:
         silhouettes: [views, height, width] bool, of the views that have a camera
+        frames: [views, 4] of their photographs within the images, as ``place`` takes them
     """
     if attempt.cameras is None:
         return attempt
     try:
-        mean = place(attempt.cameras, silhouettes).mean
+        mean = place(attempt.cameras, silhouettes, frames=frames).mean
     except InputError as error:
         why = f"cameras {attempt.source!r}: {error}"
         return replace(attempt, cameras=None, refusal=why)

@@ -57,16 +57,16 @@ def build_scene(
     Raises:
         InputError: no attempt gives cameras that can be used; says why, and what was measured
     """
-    silhouettes_of = _Silhouettes(views, silhouettes)
+    shown = _Shown(views, silhouettes)
     named = zip(attempts, names or [attempt.source for attempt in attempts], strict=True)
-    placed = [_place(attempt, name, silhouettes_of, keep_world) for attempt, name in named]
+    placed = [_place(attempt, name, shown, keep_world) for attempt, name in named]
     attempts, stood = [attempt for attempt, _ in placed], [place for _, place in placed]
     if not any(stood):
         ordered = any(attempt.source != FILE for attempt in attempts)
         raise InputError(_explain(attempts, diagnose(silhouettes, views, ordered=ordered)))
     taken, why = choose(attempts, stood)
     attempt, best = attempts[taken], stood[taken]
-    seen = best.straightened.silhouettes(silhouettes_of(best.cameras.views))
+    seen = best.straightened.silhouettes(shown.silhouettes(best.cameras.views))
     told = {
         **_tell_cameras(attempt, best, why),
         "doubtful": _name_doubtful(best, seen),
@@ -85,26 +85,32 @@ def build_scene(
     return Assembled(scene, best.straightened, taken, attempt)
 
 
-class _Silhouettes:
-    """The silhouettes of all views [views, size, size], to be had of some by their names."""
+class _Shown:
+    """What all views show: silhouettes [views, size, size], to be had of some by their names."""
 
     def __init__(self, views: Sequence[View], silhouettes: np.ndarray):
         self._places = {view.view: place for place, view in enumerate(views)}
         self._all = silhouettes
+        self._frames = np.array([view.frame for view in views])
 
-    def __call__(self, views: Sequence[str]) -> np.ndarray:
+    def silhouettes(self, views: Sequence[str]) -> np.ndarray:
         return self._all[[self._places[view] for view in views]]
+
+    def frames(self, views: Sequence[str]) -> np.ndarray:
+        """Left, top, right and bottom of their photographs in the working images: [n, 4]."""
+        return self._frames[[self._places[view] for view in views]]
 
 
 def _place(
-    attempt: Attempt, name: str, silhouettes_of: _Silhouettes, keep_world: bool
+    attempt: Attempt, name: str, shown: _Shown, keep_world: bool
 ) -> tuple[Attempt, Placed | None]:
     """An attempt and its cameras in the normalised world; None, and why, if it gives none."""
     if attempt.cameras is None:
         return attempt, None
     try:
         with blaming(attempt.figures.get("file", name)):
-            return settle(attempt, silhouettes_of(attempt.cameras.views), keep_world)
+            named = attempt.cameras.views
+            return settle(attempt, shown.silhouettes(named), keep_world, shown.frames(named))
     except InputError as error:
         return replace(attempt, refusal=str(error)), None
 
@@ -122,7 +128,9 @@ def _tell_cameras(attempt: Attempt, best: Placed, why: str) -> dict[str, Any]:
 
 def _tell_views(best: Placed, views: Sequence[View]) -> dict[str, Any]:
     """What it says of photographs, and where they lie in their working images."""
-    frames = _frames(best, views)
+    kept = zip(best.cameras.views, best.straightened.frames.tolist(), strict=True)
+    there = dict(kept)
+    frames = {view.view: there[view.view] for view in views if view.view in there}
     return {
         "unreadable": [view.view for view in views if view.unreadable],
         "frame": _around(frames.values()),
@@ -151,20 +159,6 @@ def _drop_alike(refusals: Sequence[str]) -> list[str]:
     return list({re.sub(r"\d+", "", refusal): refusal for refusal in refusals}.values())
 
 
-def _frames(best: Placed, views: Sequence[View]) -> dict[str, list[int]]:
-    """Left, top, right and bottom of each photograph in its working image.
-
-    An undistorted photograph has no straight border, and is taken to fill its image.
-    """
-    return {
-        view.view: [0, 0, view.size, view.size]
-        if view.view in best.straightened.sources
-        else list(view.frame)
-        for view in views
-        if view.view in best.cameras.views
-    }
-
-
 def _around(frames: Iterable[Sequence[int]]) -> list[int]:
     """The box that holds all of some frames: left, top, right and bottom."""
     left, top, right, bottom = zip(*frames, strict=True)
@@ -176,4 +170,6 @@ def _name_doubtful(best: Placed, seen: np.ndarray) -> list[str]:
     if best.mean >= COHERENT:
         return []
     views, shown = best.cameras.views, find_shown(seen)
-    return [views[shown[i]] for i in find_doubtful(seen[shown], best.cameras.select(shown))]
+    frames = best.straightened.frames[shown]
+    cameras = best.cameras.select(shown)
+    return [views[shown[i]] for i in find_doubtful(seen[shown], cameras, frames)]

@@ -121,7 +121,9 @@ def judge_model(
     if attempt.cameras is None:
         return attempt
     places = {view.view: place for place, view in enumerate(views)}
-    return refuse_incoherent(attempt, silhouettes[[places[v] for v in attempt.cameras.views]])
+    kept = [places[view] for view in attempt.cameras.views]
+    frames = np.array([views[place].frame for place in kept])
+    return refuse_incoherent(attempt, silhouettes[kept], frames)
 
 
 def attempt_masked(

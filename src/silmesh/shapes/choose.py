@@ -10,8 +10,9 @@ import torch
 import trimesh
 
 from silmesh.geometry.camera import Cameras
+from silmesh.geometry.frame import known_pixels
 from silmesh.progress import Share, untold
-from silmesh.shapes.downsample import look_smaller
+from silmesh.shapes.downsample import frames_smaller, look_smaller
 
 SIZE, VIEWS = 64, 12  # of the looks in which meshes are tried
 VERTICES = 642  # of the meshes that are tried
@@ -19,9 +20,10 @@ VERTICES = 642  # of the meshes that are tried
 ROUNDS = ((20, 3, np.inf), (60, 2, 1.5), (200, 1, 1.0))
 LATEST = 20  # steps whose median is a fit's loss: Adam's steps make single ones leap
 
-# Fits a mesh at unit size to silhouettes [views, height, width] bool; gives the loss before each
-# step, for as long as it is asked, and ends where it cannot go on.
-Trial = Callable[[trimesh.Trimesh, Cameras, np.ndarray], Iterator[float]]
+# Fits a mesh at unit size to silhouettes [views, height, width] bool, of which as many pixels
+# count, or all; gives the loss before each step, for as long as it is asked, and ends where it
+# cannot go on.
+Trial = Callable[[trimesh.Trimesh, Cameras, np.ndarray, np.ndarray | None], Iterator[float]]
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,7 @@ def score_meshes(
     cameras: Cameras,
     trial: Trial,
     progress: Share = untold,
+    frames: np.ndarray | None = None,
 ) -> dict[str, Score]:
     """Try each initial mesh; the best come first.
 
@@ -57,9 +60,11 @@ def score_meshes(
         cameras: of these views, in the normalised world
         trial: fits a mesh
         progress: is told which share is done, if as many go on as may
+        frames: [views, 4] of the photographs within the images; the whole images if not given
     """
     small, eyes = look_smaller(silhouettes, cameras, SIZE, VIEWS)
-    trials = {name: trial(mesh, eyes, small) for name, mesh in meshes.items()}
+    known = known_pixels(small, frames_smaller(silhouettes, SIZE, VIEWS, frames))
+    trials = {name: trial(mesh, eyes, small, known) for name, mesh in meshes.items()}
     losses: dict[str, list[float]] = {name: [] for name in meshes}
     scores: dict[str, Score] = {}
     going = list(meshes)

@@ -1,6 +1,6 @@
 """The initial mesh that a configuration names, and what a person should know of it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -9,7 +9,7 @@ import trimesh
 
 from silmesh.errors import InputError, name_some
 from silmesh.geometry.camera import FIRST_SCALE, Cameras
-from silmesh.geometry.frame import is_cut
+from silmesh.geometry.frame import find_whole, is_cut
 from silmesh.own_code import call, own_file
 from silmesh.progress import Share, untold
 from silmesh.settings.init import Init
@@ -41,7 +41,7 @@ def make_initial_mesh(
     cameras: Cameras,
     trial: Trial | None = None,
     progress: Share = untold,
-    frame: Sequence[int] | None = None,
+    frames: np.ndarray | None = None,
 ) -> Initial:
     """Make an initial mesh at unit size; the fit halves it.
 
@@ -55,25 +55,25 @@ def make_initial_mesh(
         cameras: of these views, in the normalised world
         trial: fits for a few steps; needed for ``auto``
         progress: is told which share of these fits is done
-        frame: left, top, right and bottom of all photographs in these images, in pixels; the whole
-            images if not given
+        frames: [views, 4] left, top, right and bottom of the photographs in these images, in
+            pixels; the whole images if not given
 
     Raises:
         InputError: a function of a person's own fails, or gives no closed mesh
     """
-    if frame is not None and init.shape != "sphere":  # the report's is placed in the whole image
-        silhouettes, cameras = crop(silhouettes, cameras, frame)
+    if frames is not None and init.shape != "sphere":  # the report's is placed in the whole image
+        silhouettes, cameras, frames = crop(silhouettes, cameras, frames)
     scores, warnings = {}, []
     shape = init.shape
     if shape == "auto":
-        scores, warnings = _score(init, silhouettes, cameras, trial, progress)
+        scores, warnings = _score(init, silhouettes, cameras, trial, progress, frames)
         shape = next(iter(scores))
     try:
-        mesh, told = _make(init.model_copy(update={"shape": shape}), silhouettes, cameras)
+        mesh, told = _make(init.model_copy(update={"shape": shape}), silhouettes, cameras, frames)
     except EmptyHull as error:
         shape = FALLBACK
         warnings.append(f"{error}; the initial mesh is the {FALLBACK} instead")
-        mesh, told = _make(init.model_copy(update={"shape": shape}), silhouettes, cameras)
+        mesh, told = _make(init.model_copy(update={"shape": shape}), silhouettes, cameras, frames)
     described = {
         "asked": init.shape,
         "shape": shape,
@@ -82,13 +82,13 @@ def make_initial_mesh(
         "genus": 1 - mesh.euler_number // 2,
         **told,
         "scores": {name: asdict(score) for name, score in scores.items()},
-        "warnings": [*warnings, *_warnings(told, silhouettes, cameras)],
+        "warnings": [*warnings, *_warnings(told, silhouettes, cameras, frames)],
     }
     return Initial(mesh, described)
 
 
 def _make(
-    init: Init, silhouettes: np.ndarray, cameras: Cameras
+    init: Init, silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray | None
 ) -> tuple[trimesh.Trimesh, dict[str, Any]]:
     """An initial mesh at unit size, and what is told of a carved one."""
     counted = init.vertices == "auto"
@@ -97,10 +97,11 @@ def _make(
         if init.align == "bbox":
             mesh.vertices = align_to_box(mesh.vertices, silhouettes[0])
         return mesh, {}
-    vertices = choose_count(silhouettes) if counted else init.vertices
+    whole = find_whole(silhouettes, frames)
+    vertices = choose_count(silhouettes[whole]) if counted else init.vertices
     told = {}
     if init.shape in CARVED:
-        carved = CARVED[init.shape](silhouettes, cameras, vertices, init.genus)
+        carved = CARVED[init.shape](silhouettes, cameras, vertices, init.genus, frames)
         mesh = carved.mesh
         told = {name: getattr(carved, name) for name in ("tolerated", "pieces", "lost")}
     elif own_file(init.shape):
@@ -109,7 +110,7 @@ def _make(
     elif init.align == "none":
         mesh = plain_primitive(init.shape, vertices)
     else:
-        mesh = placed_primitive(init.shape, vertices, silhouettes, cameras)
+        mesh = placed_primitive(init.shape, vertices, silhouettes, cameras, frames)
     if init.align == "none":
         return to_unit(mesh), told
     mesh.apply_scale(FIRST_SCALE)
@@ -128,7 +129,12 @@ def _take(shape: str, made: Any) -> trimesh.Trimesh:
 
 
 def _score(
-    init: Init, silhouettes: np.ndarray, cameras: Cameras, trial: Trial | None, progress: Share
+    init: Init,
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+    trial: Trial | None,
+    progress: Share,
+    frames: np.ndarray | None,
 ) -> tuple[dict[str, Score], list[str]]:
     """How every placed shape does, the best first, and why some are not among them."""
     if trial is None:
@@ -138,16 +144,18 @@ def _score(
     def make(shape: str) -> None:
         try:
             small = init.model_copy(update={"shape": shape, "vertices": VERTICES})
-            meshes[shape], _ = _make(small, silhouettes, cameras)
+            meshes[shape], _ = _make(small, silhouettes, cameras, frames)
         except EmptyHull as error:
             warnings.append(str(error))
 
     share(make, PLACED)
     meshes = {shape: meshes[shape] for shape in PLACED if shape in meshes}
-    return score_meshes(meshes, silhouettes, cameras, trial, progress), warnings
+    return score_meshes(meshes, silhouettes, cameras, trial, progress, frames), warnings
 
 
-def _warnings(told: Mapping[str, Any], silhouettes: np.ndarray, cameras: Cameras) -> list[str]:
+def _warnings(
+    told: Mapping[str, Any], silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray | None
+) -> list[str]:
     """What a person should know of the views and the pieces, in sentences."""
     found = []
     if told.get("lost", 0) > LOST:
@@ -160,7 +168,7 @@ def _warnings(told: Mapping[str, Any], silhouettes: np.ndarray, cameras: Cameras
             f"the hull lets {told['tolerated']} of {len(cameras)} views disagree: of all views it "
             "would not fill the silhouettes"
         )
-    cut = [view for view, is_it in zip(cameras.views, is_cut(silhouettes), strict=True) if is_it]
+    cut = [cameras.views[i] for i in np.flatnonzero(is_cut(silhouettes, frames))]
     if cut:
         found.append(
             f"the frame cuts the object in {name_some(cut, NAMED)}: what lies beyond is not known"

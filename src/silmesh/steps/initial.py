@@ -35,7 +35,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         scene.cameras,
         trial_with(given.trial),
         share_of(f"first {given.output}"),
-        scene.told["frame"],
+        scene.frames,
     )
     for warning in first.told["warnings"]:
         print(f"silmesh: {given.scene}: {warning}", file=sys.stderr)
