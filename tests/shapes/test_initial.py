@@ -71,7 +71,7 @@ def test_an_object_cut_by_the_frame_is_told(scene):
     assert cut[0].startswith("the frame cuts the object in v")
 
 
-def overlap(mesh, cameras, seen, known):
+def overlap(mesh, cameras, seen, known=None):
     """A trial that moves nothing: the loss before and after is what the silhouettes lack."""
     world = mesh.copy()
     world.apply_scale(0.5)
