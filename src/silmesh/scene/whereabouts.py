@@ -17,7 +17,7 @@ from silmesh.geometry.frame import open_frames
 
 SAMPLES = 40  # voxels along a side of the box
 DOUBLINGS, ROUNDS = 4, 3  # of the box, and of drawing it in
-SEEING = 0.15  # of the views that see the most of all places: those that have to see a place
+SEEING = 0.5  # of the views that see the most of all places: those that have to see a place
 DENYING = 0.1  # of the views that speak of a place: those that may deny it
 
 
