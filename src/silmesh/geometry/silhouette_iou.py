@@ -38,7 +38,7 @@ def silhouette_iou(
     known = known_pixels(silhouettes, frames)
     parts = [None] * len(silhouettes) if known is None else known
     rows = zip(alphas, silhouettes, parts, strict=True)
-    return np.array([iou((alpha > 0.5).numpy(), seen, part) for alpha, seen, part in rows])
+    return np.array([iou((a > 0.5).numpy(), silhouette, part) for a, silhouette, part in rows])
 
 
 def coherence(

@@ -10,27 +10,28 @@ from silmesh.errors import InputError
 from silmesh.geometry.camera import Cameras, Similarity
 from silmesh.geometry.silhouette_iou import coherence
 from silmesh.geometry.thresholds import REFUSED
-from silmesh.geometry.undistortion import Straightened, straighten
+from silmesh.geometry.undistortion import Undistorted, undistort
 from silmesh.geometry.visual_hull import carve, find_enclosed
-from silmesh.scene.scene import normalising, refuse_enclosed
+from silmesh.scene.scene import find_similarity, refuse_enclosed
 
-FEWEST = 2  # silhouettes that are not empty
-NEAR = 0.02  # of hull IoU: attempts that differ by less are told apart by their number of views
+FEWEST = 2  # least number of silhouettes that are not empty
+# Of attempts whose hull IoU differs by less than this, the one with the most views is taken.
+NEAR = 0.02
 
 
 @dataclass(frozen=True)
-class Placed:
+class Normalised:
     """Cameras in the normalised world.
 
     Attributes:
         cameras: in that world, without lenses
-        straightened: how the pictures become those of these cameras
+        undistorted: how the pictures become those of these cameras
         similarity: from the cameras' own world to it
         coherence: [views], the hull's IoU with each silhouette; 0 where that is empty
     """
 
     cameras: Cameras
-    straightened: Straightened
+    undistorted: Undistorted
     similarity: Similarity
     coherence: np.ndarray
 
@@ -45,13 +46,13 @@ def find_shown(silhouettes: np.ndarray) -> np.ndarray:
     return np.flatnonzero(silhouettes.any(axis=(1, 2)))
 
 
-def place(
+def normalise(
     cameras: Cameras,
     silhouettes: np.ndarray,
     keep_world: bool = False,
     resolution: int = 128,
     frames: np.ndarray | None = None,
-) -> Placed:
+) -> Normalised:
     """Take the cameras' lenses away, normalise their world and measure their coherence.
 
     The views whose silhouette is empty have no say in it.
@@ -73,16 +74,20 @@ def place(
             f"{len(shown)} of the {len(cameras)} views with a camera have a silhouette that is not "
             f"empty; should be {FEWEST} or more"
         )
-    straightened = straighten(cameras, silhouettes, frames)
-    cameras, silhouettes = straightened.cameras, straightened.silhouettes(silhouettes)
-    kept, seen, spoken = cameras.select(shown), silhouettes[shown], straightened.frames[shown]
-    similarity = Similarity.identity() if keep_world else normalising(kept, seen, spoken)
+    undistorted = undistort(cameras, silhouettes, frames)
+    cameras, silhouettes = undistorted.cameras, undistorted.silhouettes(silhouettes)
+    kept, silhouettes, spoken = (
+        cameras.select(shown),
+        silhouettes[shown],
+        undistorted.frames[shown],
+    )
+    similarity = Similarity.identity() if keep_world else find_similarity(kept, silhouettes, spoken)
     cameras, kept = cameras.in_world_of(similarity), kept.in_world_of(similarity)
-    refuse_enclosed(kept, find_enclosed(seen, kept, spoken))
+    refuse_enclosed(kept, find_enclosed(silhouettes, kept, spoken))
     agreement = np.zeros(len(cameras))
-    hull = carve(seen, kept, resolution, frames=spoken)
-    agreement[shown] = coherence(hull, kept, seen, spoken)
-    return Placed(cameras, straightened, similarity, agreement)
+    hull = carve(silhouettes, kept, resolution, frames=spoken)
+    agreement[shown] = coherence(hull, kept, silhouettes, spoken)
+    return Normalised(cameras, undistorted, similarity, agreement)
 
 
 def refuse_incoherent(
@@ -97,7 +102,7 @@ def refuse_incoherent(
     if attempt.cameras is None:
         return attempt
     try:
-        mean = place(attempt.cameras, silhouettes, frames=frames).mean
+        mean = normalise(attempt.cameras, silhouettes, frames=frames).mean
     except InputError as error:
         why = f"cameras {attempt.source!r}: {error}"
         return replace(attempt, cameras=None, refusal=why)
@@ -114,34 +119,36 @@ def refuse_incoherent(
     return replace(attempt, cameras=None, refusal=why)
 
 
-def choose(attempts: Sequence[Attempt], placed: Sequence[Placed | None]) -> tuple[int, str]:
+def choose(attempts: Sequence[Attempt], candidates: Sequence[Normalised | None]) -> tuple[int, str]:
     """Which attempt to take, and why: the most coherent.
 
     Of those that come within ``NEAR`` of it the one with the most views is taken, and of these
     again the most coherent: fewer views contradict each other less.
 
     Args:
-        placed: None where an attempt was refused; not all are
+        candidates: None where an attempt was refused; not all are
     """
-    there = [i for i, p in enumerate(placed) if p is not None]
-    most = max(placed[i].mean for i in there)
-    near = [i for i in there if placed[i].mean >= most - NEAR]
-    best = max(near, key=lambda i: (len(placed[i].cameras), placed[i].mean))
-    return best, _say_why(best, attempts, placed)
+    there = [i for i, p in enumerate(candidates) if p is not None]
+    most = max(candidates[i].mean for i in there)
+    near = [i for i in there if candidates[i].mean >= most - NEAR]
+    best = max(near, key=lambda i: (len(candidates[i].cameras), candidates[i].mean))
+    return best, _say_why(best, attempts, candidates)
 
 
-def _say_why(best: int, attempts: Sequence[Attempt], placed: Sequence[Placed | None]) -> str:
+def _say_why(
+    best: int, attempts: Sequence[Attempt], candidates: Sequence[Normalised | None]
+) -> str:
     others = [
         f"{attempt.source}: {refused_or(attempt, p)}"
-        for i, (attempt, p) in enumerate(zip(attempts, placed, strict=True))
+        for i, (attempt, p) in enumerate(zip(attempts, candidates, strict=True))
         if i != best
     ]
-    own = f"{attempts[best].source}: {refused_or(attempts[best], placed[best])}"
+    own = f"{attempts[best].source}: {refused_or(attempts[best], candidates[best])}"
     return "; ".join([own, *others])
 
 
-def refused_or(attempt: Attempt, placed: Placed | None) -> str:
+def refused_or(attempt: Attempt, normalised: Normalised | None) -> str:
     """An attempt's coherence and views, or why it has no cameras."""
-    if placed is None:
+    if normalised is None:
         return f"no cameras ({attempt.refusal})"
-    return f"hull IoU {placed.mean:.3f} over {len(placed.cameras)} views"
+    return f"hull IoU {normalised.mean:.3f} over {len(normalised.cameras)} views"

@@ -21,7 +21,7 @@ from silmesh.settings.cameras import Colmap
 from silmesh.views import View
 
 SOURCE, MASKED = "colmap", "colmap, masked"
-MATCHED = 0.6  # share of the time, by which the photographs are matched
+MATCHED = 0.6  # share of the run time after which the photographs are matched, for the progress
 
 
 def attempt_colmap(
@@ -120,9 +120,9 @@ def judge_model(
     attempt = attempt_model(source, model / MODEL, read_report(model), views)
     if attempt.cameras is None:
         return attempt
-    places = {view.view: place for place, view in enumerate(views)}
-    kept = [places[view] for view in attempt.cameras.views]
-    frames = np.array([views[place].frame for place in kept])
+    positions = {view.view: position for position, view in enumerate(views)}
+    kept = [positions[view] for view in attempt.cameras.views]
+    frames = np.array([views[position].frame for position in kept])
     return refuse_incoherent(attempt, silhouettes[kept], frames)
 
 

@@ -27,7 +27,7 @@ from silmesh.geometry.camera import (
     write_cameras,
 )
 from silmesh.geometry.frame import find_whole, is_cut
-from silmesh.geometry.undistortion import Straightened
+from silmesh.geometry.undistortion import Undistorted
 from silmesh.scene.whereabouts import find_body
 from silmesh.silhouettes import encode, read_silhouettes
 from silmesh.views import ImageFolder
@@ -45,7 +45,7 @@ class Scene:
         similarity: from the input's own world to it
         silhouettes: [views, height, width] bool, undistorted
         coherence: [views], the visual hull's IoU with each silhouette
-        told: what else ``scene.json`` says
+        notes: the other entries of ``scene.json``
         images: the working images, undistorted
     """
 
@@ -53,22 +53,22 @@ class Scene:
     similarity: Similarity
     silhouettes: np.ndarray
     coherence: np.ndarray
-    told: Mapping[str, Any]
+    notes: Mapping[str, Any]
     images: Mapping[str, Image.Image] = field(default_factory=dict)
 
     @property
     def frames(self) -> np.ndarray | None:
         """Left, top, right and bottom of the photographs within the images: [views, 4].
 
-        None if it is not told, as of views that fill their images.
+        None if it is not noted, as of views that fill their images.
         """
-        told = self.told.get("frames")
-        return None if told is None else np.array([told[view] for view in self.cameras.views])
+        frames = self.notes.get("frames")
+        return None if frames is None else np.array([frames[view] for view in self.cameras.views])
 
     def describe(self) -> dict[str, Any]:
         """All that ``scene.json`` says."""
         return {
-            **self.told,
+            **self.notes,
             "centre": self.similarity.centre.tolist(),
             "scale": self.similarity.scale,
             "hull_iou_mean": float(self.coherence.mean()),
@@ -76,10 +76,10 @@ class Scene:
         }
 
 
-MEASURED = ("centre", "scale", "hull_iou_mean", "hull_iou")  # of scene.json, beside what is told
+MEASURED = ("centre", "scale", "hull_iou_mean", "hull_iou")  # keys of scene.json beside the notes
 
 
-def normalising(
+def find_similarity(
     cameras: Cameras, silhouettes: np.ndarray, frames: np.ndarray | None = None
 ) -> Similarity:
     """The shift and scale that bring the object into the sphere of radius 0.5 at the origin.
@@ -134,8 +134,8 @@ def find_object(cameras: Cameras, silhouettes: np.ndarray) -> tuple[Tensor, Tens
 def find_middles(silhouettes: np.ndarray) -> Tensor:
     """The middles of the silhouettes' bounding boxes, in pixels: [views, 2] float64."""
     middles = []
-    for seen in silhouettes:
-        rows, columns = (np.flatnonzero(seen.any(axis=axis)) for axis in (1, 0))
+    for silhouette in silhouettes:
+        rows, columns = (np.flatnonzero(silhouette.any(axis=axis)) for axis in (1, 0))
         middles.append([columns[0] + columns[-1] + 1, rows[0] + rows[-1] + 1])
     return torch.tensor(middles, dtype=torch.float64) / 2
 
@@ -176,22 +176,22 @@ def refuse_enclosed(cameras: Cameras, enclosed: Sequence[int]) -> None:
 
 
 def write_scene(
-    folder: Path, scene: Scene, images: Path, straightened: Straightened | None = None
+    folder: Path, scene: Scene, images: Path, undistorted: Undistorted | None = None
 ) -> None:
     """Write a scene.
 
     Args:
         images: the folder of the working images, ``<view>.png``
-        straightened: how these become the images of the cameras, if any had a lens
+        undistorted: how these become the images of the cameras, if any had a lens
     """
-    straightened = straightened or Straightened(scene.cameras, {}, 0.0)
+    undistorted = undistorted or Undistorted(scene.cameras, {}, 0.0)
     with making(folder) as part:
         write_cameras(part / "cameras.json", scene.cameras)
         for name in (VIEWS, SILHOUETTES):
             (part / name).mkdir()
         for view, silhouette in zip(scene.cameras.views, scene.silhouettes, strict=True):
             name = f"{view}.png"
-            straightened.write_image(view, images / name, part / VIEWS / name)
+            undistorted.write_image(view, images / name, part / VIEWS / name)
             encode(silhouette).save(part / SILHOUETTES / name)
         said = json.dumps(scene.describe(), indent=1)
         (part / "scene.json").write_text(said + "\n", encoding="utf-8")
@@ -201,10 +201,10 @@ def load_scene(folder: Path) -> Scene:
     """The scene that a folder holds."""
     cameras, similarity, whole = read_scene(folder)
     coherence = np.array([whole["hull_iou"][view] for view in cameras.views])
-    told = {key: value for key, value in whole.items() if key not in MEASURED}
+    notes = {key: value for key, value in whole.items() if key not in MEASURED}
     silhouettes = read_silhouettes(folder / SILHOUETTES, cameras.views)
     images = ImageFolder(folder / VIEWS)
-    return Scene(cameras, similarity, silhouettes, coherence, told, images)
+    return Scene(cameras, similarity, silhouettes, coherence, notes, images)
 
 
 def read_scene(folder: Path) -> tuple[Cameras, Similarity, dict]:

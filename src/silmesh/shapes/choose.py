@@ -1,4 +1,4 @@
-"""``shape: auto``: initial meshes are fitted in small images, the better ones for longer."""
+"""``shape: auto``: trial fits of all initial meshes in small images, the better ones for longer."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -12,13 +12,14 @@ import trimesh
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.frame import known_pixels
 from silmesh.progress import Share, untold
-from silmesh.shapes.downsample import frames_smaller, look_smaller
+from silmesh.shapes.downsample import downsample, downsample_frames
 
-SIZE, VIEWS = 64, 12  # of the looks in which meshes are tried
-VERTICES = 642  # of the meshes that are tried
-# Steps up to which meshes are fitted, how many then go on, within which factor of the least loss.
+SIZE, VIEWS = 64, 12  # pixels a side, and number of views, of the trial fits
+VERTICES = 642  # of the meshes in the trial fits
+# Rounds of the trial: the steps up to which meshes are fitted, the most meshes that then go on, and
+# the factor of the least loss within which their losses must lie.
 ROUNDS = ((20, 3, np.inf), (60, 2, 1.5), (200, 1, 1.0))
-LATEST = 20  # steps whose median is a fit's loss: Adam's steps make single ones leap
+LATEST = 20  # last steps whose median is a trial's loss, as single losses jump with Adam's steps
 
 # Fits a mesh at unit size to silhouettes [views, height, width] bool, of which as many pixels
 # count, or all; gives the loss before each step, for as long as it is asked, and ends where it
@@ -62,9 +63,9 @@ def score_meshes(
         progress: is told which share is done, if as many go on as may
         frames: [views, 4] of the photographs within the images; the whole images if not given
     """
-    small, eyes = look_smaller(silhouettes, cameras, SIZE, VIEWS)
-    known = known_pixels(small, frames_smaller(silhouettes, SIZE, VIEWS, frames))
-    trials = {name: trial(mesh, eyes, small, known) for name, mesh in meshes.items()}
+    small, small_cameras = downsample(silhouettes, cameras, SIZE, VIEWS)
+    known = known_pixels(small, downsample_frames(silhouettes, SIZE, VIEWS, frames))
+    trials = {name: trial(mesh, small_cameras, small, known) for name, mesh in meshes.items()}
     losses: dict[str, list[float]] = {name: [] for name in meshes}
     scores: dict[str, Score] = {}
     going = list(meshes)

@@ -16,9 +16,9 @@ from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
 from silmesh.geometry.frame import is_cut
 from silmesh.geometry.visual_hull import carve
 
-PRIOR = 0.02  # weight that holds a length which no view shows at the others' mean
+PRIOR = 0.02  # weight of a prior that draws a length which no view shows to the others' mean
 SAMPLES = 32  # a side of the hull of views that are all cut
-TOLERANCE = 0.1  # of a mean half-length: residuals far above are of silhouettes that disagree
+TOLERANCE = 0.1  # of a mean half-length: larger residuals are weighted down as outliers
 
 
 @dataclass(frozen=True)
@@ -51,12 +51,12 @@ def find_ellipsoid(
         cameras: of these views, in the normalised world
         frames: [views, 4] of the photographs within the images; the whole images if not given
     """
-    seen = silhouettes.any(axis=(1, 2))
+    shown = silhouettes.any(axis=(1, 2))
     cut = is_cut(silhouettes, frames)
-    whole = seen & ~cut
+    whole = shown & ~cut
     if cut.any() and whole.sum() < 2 and len(points := _fill(silhouettes, cameras, frames)):
         return Ellipsoid(points.mean(axis=0), 5 * np.cov(points.T))
-    used = np.flatnonzero(whole if whole.sum() >= 2 else seen)
+    used = np.flatnonzero(whole if whole.sum() >= 2 else shown)
     centres, shapes = _moments(silhouettes[used], np.linalg.inv(cameras.K.numpy()[used]))
     R, t = cameras.R.numpy()[used], cameras.t.numpy()[used]
     start = _start(centres, shapes, R, t)
@@ -67,8 +67,8 @@ def find_ellipsoid(
         centre, half = x[:3], _lower(x[3:])
         m, E = _outlines(centre, half @ half.T, R, t)
         off, form = (m - centres) / scale, (E - shapes) / scale**2
-        seen = np.concatenate([off, form[:, [0, 0, 1], [0, 1, 1]]], axis=1).ravel()
-        return np.concatenate([seen, PRIOR * (x - start) / unit])
+        data = np.concatenate([off, form[:, [0, 0, 1], [0, 1, 1]]], axis=1).ravel()
+        return np.concatenate([data, PRIOR * (x - start) / unit])
 
     found = least_squares(residuals, start, loss="cauchy", f_scale=TOLERANCE)
     half = _lower(found.x[3:])
