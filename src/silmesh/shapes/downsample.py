@@ -31,10 +31,10 @@ def downsample(
     return (small > 0.5).numpy(), chosen
 
 
-def frames_smaller(
+def downsample_frames(
     silhouettes: np.ndarray, size: int, views: int, frames: np.ndarray | None = None
 ) -> np.ndarray | None:
-    """The frames of the photographs in what ``look_smaller`` gives; None if they cut no silhouette.
+    """The frames of the photographs in what ``downsample`` gives; None if they cut no silhouette.
 
     Those of views that are not cut are the whole images: nothing beyond them is unknown.
 
