@@ -259,7 +259,10 @@ def _find_bites(
 def _blame(
     looks: _Looks, denied: np.ndarray, against: np.ndarray, trusted: np.ndarray, bearing: int
 ) -> np.ndarray:
-    """The parts of what each view denies by which the others' silhouettes lose more pixels.
+    """The parts of what each view denies that cost the others more than they are worth.
+
+    They are worth their pixels; they cost what the others' silhouettes lose, as many times as
+    there are views that lose by them: one view is rather wrong than several, that agree, are.
 
     Args:
         denied: [views, pixels + 1] bool, what is believed
@@ -278,7 +281,9 @@ def _blame(
         parts = parts.ravel().astype(np.int32)
         area = np.bincount(parts, minlength=count + 1)
         gain = _sum_losses(*args, parts, count)
-        bites[view] = ((area >= BITE) & (gain > area))[parts] & (parts > 0)
+        losers = np.maximum((gain >= BITE).sum(axis=1), 1)
+        wrong = (area >= BITE) & (gain.sum(axis=1) * losers > area)
+        bites[view] = wrong[parts] & (parts > 0)
     return bites
 
 
@@ -422,9 +427,9 @@ def _count_losses(looks, own, against, covering, trusted, bearing, view):
 
 @njit(nogil=True, cache=True)
 def _sum_losses(looks, own, against, covering, trusted, bearing, view, parts, count):
-    """How many pixels the other silhouettes lose by each part of what a view denies."""
+    """How many pixels each silhouette loses by each part of what a view denies: [parts, views]."""
     left = _without(looks, against, covering, bearing, view)
-    gain = np.zeros(count + 1, np.int64)
+    gain = np.zeros((count + 1, len(covering)), np.int64)
     for n in range(len(against)):
         p = looks.pixel[n, view]
         if p < len(parts) and parts[p] and looks.denied[view, p]:
@@ -434,5 +439,5 @@ def _sum_losses(looks, own, against, covering, trusted, bearing, view, parts, co
                     if v != view and trusted[v] and q < len(parts) and looks.shown[v, q]:
                         if left[v, q] == 0:
                             left[v, q] = -1  # counted
-                            gain[parts[p]] += 1
+                            gain[parts[p], v] += 1
     return gain
