@@ -15,14 +15,16 @@ The hull is then carved exactly, as ever, from the views that kept their say, wi
 filled. Where the strict hull explains the silhouettes nothing of this is done.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from numba import njit
 from scipy import ndimage
+from skimage.measure import block_reduce
 
 from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
 from silmesh.geometry.frame import is_cut, whole_frames
@@ -30,9 +32,12 @@ from silmesh.geometry.visual_hull import Hull, carve
 
 RESOLUTION = 128  # samples a side of the hull that is carved
 SIZE = 96  # pixels along the longer side of the images in which views are judged
-COARSE, SAMPLES = 48, 80  # points a side: of the search for the object's box, and of the judging
+GLANCE = 64  # and of those in which the strict hull is looked at
+COARSE, SAMPLES = 48, 72  # points a side: of the search for the object's box, and of the judging
 ENOUGH = 6  # views; of fewer none can be told from the others
-UNCOVERED = 0.03  # of a silhouette's pixels: more than the strict hull may leave uncovered
+UNCOVERED = 0.02  # of a silhouette's pixels: so many the strict hull may leave uncovered anyway
+UNUSUAL = 3  # and so many times as many as it does in the median view, as cameras that are a
+MOST_UNCOVERED = 0.05  # little wrong do; but never more than these
 SCATTERED = 0.05  # of the strict hull's volume: more than may lie in all pieces but the largest
 ROUNDS = 4  # in which views lose their say or get it back
 WORSE = 0.12  # by how much less than the median a view is predicted that loses its say
@@ -126,21 +131,22 @@ def explains(hull: Hull, silhouettes: np.ndarray, cameras: Cameras) -> bool:
     """
     if hull.empty or _scattered(hull) > SCATTERED:
         return False
-    return bool(max(find_uncovered(hull, silhouettes, cameras)) <= UNCOVERED)
+    left = find_uncovered(hull, silhouettes, cameras)
+    allowed = max(UNCOVERED, min(UNUSUAL * float(np.median(left)), MOST_UNCOVERED))
+    return bool(left.max() <= allowed)
 
 
 def find_uncovered(hull: Hull, silhouettes: np.ndarray, cameras: Cameras) -> np.ndarray:
-    """The share of each silhouette's pixels that a hull, grown by half a sample, does not cover.
+    """The share of each silhouette's pixels that a hull, grown by a sample, does not cover.
 
-    Looked at in images of at most ``SIZE`` pixels. 1 for an empty silhouette, which nothing can
-    explain.
+    Looked at in small images and on every other sample. 1 for an empty silhouette, which nothing
+    can explain.
 
     Returns:
         [views]
     """
-    small, eyes = _shrink(silhouettes, cameras)
-    solid = ndimage.binary_dilation(hull.field > 0)
-    points = hull.origin + np.argwhere(solid) * hull.spacing
+    small, eyes = _shrink(silhouettes, cameras, GLANCE)
+    points = hull.origin + (2 * np.argwhere(_solid(hull)) + 0.5) * hull.spacing
     pixel = _project(eyes.projections.numpy(), points, small.shape[1], small.shape[2])
     covered = _cover(pixel, small[0].size)
     shown = small.reshape(len(small), -1)
@@ -150,15 +156,22 @@ def find_uncovered(hull: Hull, silhouettes: np.ndarray, cameras: Cameras) -> np.
 
 def _scattered(hull: Hull) -> float:
     """The share of a hull's volume in all pieces but the largest, on every other sample."""
-    pieces, _ = ndimage.label(hull.field[::2, ::2, ::2] > 0, np.ones((3, 3, 3)))
+    pieces, _ = ndimage.label(_solid(hull), np.ones((3, 3, 3)))
     volumes = np.bincount(pieces.ravel())[1:]
-    return 1 - volumes.max() / volumes.sum() if len(volumes) else 0.0
+    return 1 - volumes.max() / volumes.sum()
 
 
-def _shrink(silhouettes: np.ndarray, cameras: Cameras) -> tuple[np.ndarray, Cameras]:
-    """The silhouettes in images of at most ``SIZE`` pixels, and the cameras of these."""
+def _solid(hull: Hull) -> np.ndarray:
+    """Where any of two samples along each axis lies in a hull."""
+    return block_reduce(hull.field > 0, (2, 2, 2), np.max)
+
+
+def _shrink(
+    silhouettes: np.ndarray, cameras: Cameras, size: int = SIZE
+) -> tuple[np.ndarray, Cameras]:
+    """The silhouettes in images of at most so many pixels, and the cameras of these."""
     count, height, width = silhouettes.shape
-    scale = min(1.0, SIZE / max(height, width))
+    scale = min(1.0, size / max(height, width))
     shape = (max(1, round(scale * height)), max(1, round(scale * width)))
     images = torch.from_numpy(silhouettes.astype(np.float32)).unsqueeze(1)
     small = torch.nn.functional.interpolate(images, shape, mode="area").squeeze(1)
@@ -221,13 +234,12 @@ def _predict(looks: _Looks, trusted: np.ndarray) -> np.ndarray:
     """
     most = max(1, int(trusted.sum()) // 3)
     against = _count(looks.pixel, looks.denied, trusted)
-    scores = np.zeros((len(trusted), most + 1))
-    for view in range(len(trusted)):
+
+    def score(view: int) -> list[float]:
         least = _fewest(looks.pixel, against, looks.denied, view, trusted[view], most + 1)
-        for tolerated in range(most + 1):
-            allowed = least <= tolerated
-            scores[view, tolerated] = _agree(looks, view, allowed)
-    return scores
+        return [_agree(looks, view, least <= tolerated) for tolerated in range(most + 1)]
+
+    return np.array(_share(score, len(trusted)))
 
 
 def _agree(looks: _Looks, view: int, allowed: np.ndarray) -> float:
@@ -246,14 +258,21 @@ def _find_bites(
     are found first in hulls that bear both.
     """
     bites = np.zeros_like(looks.shown)
-    steps = [tolerated, *(t for t in (tolerated // 2, 1, 1) if t < tolerated or t == 1), 0, 0]
-    for bearing in steps:
+    most = max(2 * tolerated, int(trusted.sum()) // 4, 2)
+    looks = looks._replace(pixel=looks.pixel[_count(looks.pixel, looks.denied, trusted) <= most])
+    for bearing in (*sorted({tolerated, tolerated // 2, 1} - {0}, reverse=True), 0, 0):
         denied = looks.denied.copy()
         denied[:, :-1] &= ~bites
         against = _count(looks.pixel, denied, trusted)
         bites = _blame(looks, denied, against, trusted, bearing)
         trusted = looks.shown.any(axis=1) & (_measure(looks, bites, trusted) >= 1 - LOST)
     return bites, trusted
+
+
+def _share(work: Callable[[int], Any], views: int) -> list[Any]:
+    """The work for each view, as many at a time as torch has threads."""
+    with ThreadPoolExecutor(torch.get_num_threads()) as pool:
+        return list(pool.map(work, range(views)))
 
 
 def _blame(
@@ -271,9 +290,9 @@ def _blame(
     Returns:
         [views, pixels] bool
     """
-    bites = np.zeros_like(looks.shown)
     covering = _covering(looks.pixel, against <= bearing, looks.shown.shape)
-    for view in range(len(bites)):
+
+    def find(view: int) -> np.ndarray:
         own = denied[view] & trusted[view]
         args = (looks, own, against, covering, trusted, bearing, view)
         lost = _count_losses(*args)
@@ -283,8 +302,9 @@ def _blame(
         gain = _sum_losses(*args, parts, count)
         losers = np.maximum((gain >= BITE).sum(axis=1), 1)
         wrong = (area >= BITE) & (gain.sum(axis=1) * losers > area)
-        bites[view] = wrong[parts] & (parts > 0)
-    return bites
+        return wrong[parts] & (parts > 0)
+
+    return np.stack(_share(find, len(trusted)))
 
 
 def _measure(looks: _Looks, bites: np.ndarray, trusted: np.ndarray) -> np.ndarray:
@@ -295,12 +315,13 @@ def _measure(looks: _Looks, bites: np.ndarray, trusted: np.ndarray) -> np.ndarra
     denied = looks.denied.copy()
     denied[:, :-1] &= ~bites
     against = _count(looks.pixel, denied, trusted)
-    agreed = np.zeros(len(bites))
-    for view in range(len(bites)):
+
+    def agree(view: int) -> float:
         least = _fewest(looks.pixel, against, denied, view, trusted[view], 2)
         wrong = bites[view].sum() + (looks.shown[view] & (least > 0)).sum()
-        agreed[view] = 1 - wrong / max((looks.shown[view] | bites[view]).sum(), 1)
-    return agreed * looks.shown.any(axis=1)
+        return 1 - wrong / max((looks.shown[view] | bites[view]).sum(), 1)
+
+    return np.array(_share(agree, len(bites))) * looks.shown.any(axis=1)
 
 
 def _carve_believed(
@@ -317,7 +338,7 @@ def _carve_believed(
     bitten = _enlarge(bites.reshape(-1, *looks.shape), silhouettes.shape) & ~silhouettes
     hull = carve((silhouettes | bitten)[kept], cameras.select(kept.tolist()), resolution)
     small, eyes = _shrink(silhouettes, cameras)
-    points = hull.origin + np.argwhere(ndimage.binary_dilation(hull.field > 0)) * hull.spacing
+    points = hull.origin + (2 * np.argwhere(_solid(hull)) + 0.5) * hull.spacing
     pixel = _project(eyes.projections.numpy(), points, *looks.shape)
     covered = _cover(pixel, looks.shown.shape[1]).reshape(small.shape)
     added = small & ~ndimage.binary_dilation(covered, AROUND[None])
