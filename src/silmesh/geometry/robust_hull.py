@@ -43,7 +43,7 @@ ROUNDS = 4  # in which views lose their say or get it back
 WORSE = 0.12  # by how much less than the median a view is predicted that loses its say
 SPREAD = 5  # and by how many median deviations
 BITE = 4  # pixels of a small image: smaller bites are not told from the grid
-LOST = 0.3  # of what a view and the others show: if they disagree on more, it has no weight
+LOST = 0.25  # of what a view and the others show: if they disagree on more, it has no weight
 AROUND = np.ones((3, 3), bool)
 
 
@@ -55,7 +55,7 @@ class RobustHull:
         hull: the surface is its zero level
         strict: whether it is the hull of all silhouettes as they are
         reliability: [views] from 0, not believed at all, to 1: the share of what the view and the
-            others' hull show on which they agree; 0 below 1 - ``LOST``
+            others' hull show on which they agree; 0 where that is less than 1 - ``LOST``
         disbelieved: [views, height, width] bool, pixels whose silhouette is not believed; all
             pixels of a view without weight
     """
@@ -310,7 +310,8 @@ def _blame(
 def _measure(looks: _Looks, bites: np.ndarray, trusted: np.ndarray) -> np.ndarray:
     """The share of what each view and the others' hull show on which they agree: [views].
 
-    What a view alone cuts off, and nobody misses, is no disagreement.
+    What a view alone cuts off, and nobody misses, is no disagreement. Disagreement outside of its
+    largest part counts twice: a bite or a blob is one part, another object differs all around.
     """
     denied = looks.denied.copy()
     denied[:, :-1] &= ~bites
@@ -318,8 +319,10 @@ def _measure(looks: _Looks, bites: np.ndarray, trusted: np.ndarray) -> np.ndarra
 
     def agree(view: int) -> float:
         least = _fewest(looks.pixel, against, denied, view, trusted[view], 2)
-        wrong = bites[view].sum() + (looks.shown[view] & (least > 0)).sum()
-        return 1 - wrong / max((looks.shown[view] | bites[view]).sum(), 1)
+        wrong = bites[view] | (looks.shown[view] & (least > 0))
+        parts, _ = ndimage.label(wrong.reshape(looks.shape), AROUND)
+        counted = 2 * wrong.sum() - max(np.bincount(parts.ravel())[1:], default=0)
+        return max(0.0, 1 - counted / max((looks.shown[view] | bites[view]).sum(), 1))
 
     return np.array(_share(agree, len(bites))) * looks.shown.any(axis=1)
 
