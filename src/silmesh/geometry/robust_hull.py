@@ -53,7 +53,7 @@ class RobustHull:
 
     Attributes:
         hull: the surface is its zero level
-        strict: whether it is the hull of all silhouettes as they are
+        explained: whether the hull of all silhouettes as they are explains them, and is it
         reliability: [views] from 0, not believed at all, to 1: the share of what the view and the
             others' hull show on which they agree; 0 where that is less than 1 - ``LOST``
         disbelieved: [views, height, width] bool, pixels whose silhouette is not believed; all
@@ -61,7 +61,7 @@ class RobustHull:
     """
 
     hull: Hull
-    strict: bool
+    explained: bool
     reliability: np.ndarray
     disbelieved: np.ndarray
 
@@ -75,6 +75,11 @@ class RobustHull:
         """The positions of the views of which a part is not believed."""
         some = self.disbelieved.any(axis=(1, 2)) & (self.reliability > 0)
         return np.flatnonzero(some).tolist()
+
+    def believed(self, silhouettes: np.ndarray, cameras: Cameras) -> tuple[np.ndarray, Cameras]:
+        """The views that have weight, with what they deny wrongly filled, and their cameras."""
+        kept = np.flatnonzero(self.reliability > 0)
+        return (silhouettes | self.disbelieved)[kept], cameras.select(kept.tolist())
 
 
 class _Looks(NamedTuple):
@@ -111,14 +116,17 @@ def robust_carve(
     """
     frames = whole_frames(silhouettes) if frames is None else np.asarray(frames)
     hull = carve(silhouettes, cameras, resolution)
-    strict = RobustHull(hull, True, np.ones(len(cameras)), np.zeros_like(silhouettes))
-    if len(cameras) < ENOUGH or explains(hull, silhouettes, cameras):
+    explained = explains(hull, silhouettes, cameras)
+    strict = RobustHull(hull, explained, np.ones(len(cameras)), np.zeros_like(silhouettes))
+    if len(cameras) < ENOUGH or explained:
         return strict
     looks = _look(silhouettes, cameras, frames)
     if not len(looks.pixel):
         return strict
     trusted, tolerated = _find_trusted(looks)
     bites, trusted = _find_bites(looks, trusted, tolerated)
+    if 2 * trusted.sum() <= looks.shown.any(axis=1).sum():  # nothing can be told of any
+        return strict
     return _carve_believed(silhouettes, cameras, resolution, looks, bites, trusted)
 
 
@@ -456,12 +464,15 @@ def _sum_losses(looks, own, against, covering, trusted, bearing, view, parts, co
     gain = np.zeros((count + 1, len(covering)), np.int64)
     for n in range(len(against)):
         p = looks.pixel[n, view]
-        if p < len(parts) and parts[p] and looks.denied[view, p]:
-            if against[n] - own[p] <= bearing:
-                for v in range(len(left)):
-                    q = looks.pixel[n, v]
-                    if v != view and trusted[v] and q < len(parts) and looks.shown[v, q]:
-                        if left[v, q] == 0:
-                            left[v, q] = -1  # counted
-                            gain[parts[p], v] += 1
+        if p == len(parts) or not parts[p] or not looks.denied[view, p]:
+            continue
+        if against[n] - own[p] > bearing:
+            continue
+        for v in range(len(left)):
+            q = looks.pixel[n, v]
+            if v == view or not trusted[v] or q == len(parts) or not looks.shown[v, q]:
+                continue
+            if left[v, q] == 0:
+                left[v, q] = -1  # counted
+                gain[parts[p], v] += 1
     return gain
