@@ -145,10 +145,10 @@ def explains(hull: Hull, silhouettes: np.ndarray, cameras: Cameras) -> bool:
 
 
 def find_uncovered(hull: Hull, silhouettes: np.ndarray, cameras: Cameras) -> np.ndarray:
-    """The share of each silhouette's pixels that a hull, grown by a sample, does not cover.
+    """The share of each silhouette's pixels that a hull does not cover.
 
-    Looked at in small images and on every other sample. 1 for an empty silhouette, which nothing
-    can explain.
+    Looked at in small images and in blocks of two samples a side. 1 for an empty silhouette, which
+    nothing can explain.
 
     Returns:
         [views]
@@ -163,7 +163,7 @@ def find_uncovered(hull: Hull, silhouettes: np.ndarray, cameras: Cameras) -> np.
 
 
 def _scattered(hull: Hull) -> float:
-    """The share of a hull's volume in all pieces but the largest, on every other sample."""
+    """The share of a hull's volume in all pieces but the largest, in blocks of two samples."""
     pieces, _ = ndimage.label(_solid(hull), np.ones((3, 3, 3)))
     volumes = np.bincount(pieces.ravel())[1:]
     return 1 - volumes.max() / volumes.sum()
