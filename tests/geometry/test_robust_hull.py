@@ -1,4 +1,4 @@
-"""Of an ellipsoid, whose volume and silhouettes are formulas, and masks that are damaged by hand."""
+"""Of an ellipsoid, whose volume and outlines are formulas, and masks damaged by hand."""
 
 import numpy as np
 import pytest

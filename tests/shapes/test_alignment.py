@@ -94,7 +94,7 @@ def test_noise_along_an_outline_is_no_detail():
     rows, columns = np.indices((128, 128)) - 63.5
     reach = np.hypot(rows, columns)
     disc = reach < 40
-    noisy = disc ^ ((np.abs(reach - 40) < 3) & (np.random.default_rng(0).random(disc.shape) < 0.4))
+    noisy = disc ^ ((np.abs(reach - 40) < 1.5) & (np.random.default_rng(0).random(disc.shape) < 0.4))
     plain = choose_count(disc[None])
     assert choose_count(noisy[None]) < 1.5 * plain
 
