@@ -332,7 +332,7 @@ def initial_mesh(
         scene.cameras,
         trial_with(SoftRasFit()),
         progress,
-        scene.notes["frame"],
+        scene.frames,
     )
 
 

@@ -42,7 +42,7 @@ def evaluate(
     Returns:
         the metrics, for JSON: ``docs/metrics.md`` says what each is
     """
-    iou = silhouette_iou(*to_tensors(mesh), cameras, scene.silhouettes, sigma)
+    iou = silhouette_iou(*to_tensors(mesh), cameras, scene.silhouettes, sigma, scene.frames)
     metrics = {
         **summarise_iou(iou, held_out(len(iou), holdout)),
         "hull_iou_mean": float(scene.coherence.mean()),

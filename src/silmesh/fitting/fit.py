@@ -15,6 +15,7 @@ from silmesh.fitting.loop import Record
 from silmesh.fitting.loop import run as run_fit
 from silmesh.fitting.presets import find_procedure
 from silmesh.geometry.camera import Cameras
+from silmesh.geometry.frame import known_pixels
 from silmesh.geometry.mesh_files import to_tensors
 from silmesh.scene.scene import Scene
 from silmesh.settings.fit import Fit
@@ -66,7 +67,10 @@ def fit_mesh(
     template, faces = (part.to(device) for part in to_tensors(mesh))
     silhouettes = torch.tensor(scene.silhouettes[kept]).to(device, torch.float32)
     weights = _weights([counts[i] for i in kept], device)
-    parts = template, faces, cameras.select(kept), silhouettes, settings, weights
+    frames = scene.frames
+    known = known_pixels(scene.silhouettes[kept], frames if frames is None else frames[kept])
+    counted = None if known is None else torch.tensor(known).to(device, torch.float32)
+    parts = template, faces, cameras.select(kept), silhouettes, settings, weights, counted
     checkpoint = go_on(parts) if go_on else None
     fit = find_procedure(settings.preset)(*parts)
     records = run_fit(fit, watch, checkpoint)

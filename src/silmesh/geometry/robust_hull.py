@@ -76,10 +76,17 @@ class RobustHull:
         some = self.disbelieved.any(axis=(1, 2)) & (self.reliability > 0)
         return np.flatnonzero(some).tolist()
 
-    def believed(self, silhouettes: np.ndarray, cameras: Cameras) -> tuple[np.ndarray, Cameras]:
-        """The views that have weight, with what they deny wrongly filled, and their cameras."""
+    def believed(
+        self,
+        silhouettes: np.ndarray,
+        cameras: Cameras,
+        frames: Sequence[Sequence[int]] | None = None,
+    ) -> tuple[np.ndarray, Cameras, np.ndarray]:
+        """The views that have weight, with what they deny wrongly filled; cameras and frames."""
+        frames = whole_frames(silhouettes) if frames is None else np.asarray(frames)
         kept = np.flatnonzero(self.reliability > 0)
-        return (silhouettes | self.disbelieved)[kept], cameras.select(kept.tolist())
+        filled = (silhouettes | self.disbelieved)[kept]
+        return filled, cameras.select(kept.tolist()), frames[kept]
 
 
 class _Looks(NamedTuple):
@@ -115,7 +122,7 @@ def robust_carve(
         resolution: samples along each side of the box that the hull fills
     """
     frames = whole_frames(silhouettes) if frames is None else np.asarray(frames)
-    hull = carve(silhouettes, cameras, resolution)
+    hull = carve(silhouettes, cameras, resolution, frames=frames)
     explained = explains(hull, silhouettes, cameras)
     strict = RobustHull(hull, explained, np.ones(len(cameras)), np.zeros_like(silhouettes))
     if len(cameras) < ENOUGH or explained:
@@ -127,7 +134,7 @@ def robust_carve(
     bites, trusted = _find_bites(looks, trusted, tolerated)
     if 2 * trusted.sum() <= looks.shown.any(axis=1).sum():  # nothing can be told of any
         return strict
-    return _carve_believed(silhouettes, cameras, resolution, looks, bites, trusted)
+    return _carve_believed(silhouettes, cameras, frames, resolution, looks, bites, trusted)
 
 
 def explains(hull: Hull, silhouettes: np.ndarray, cameras: Cameras) -> bool:
@@ -338,6 +345,7 @@ def _measure(looks: _Looks, bites: np.ndarray, trusted: np.ndarray) -> np.ndarra
 def _carve_believed(
     silhouettes: np.ndarray,
     cameras: Cameras,
+    frames: np.ndarray,
     resolution: int,
     looks: _Looks,
     bites: np.ndarray,
@@ -347,7 +355,8 @@ def _carve_believed(
     agreed = np.where(trusted, _measure(looks, bites, trusted), 0.0)
     kept = np.flatnonzero(trusted)
     bitten = _enlarge(bites.reshape(-1, *looks.shape), silhouettes.shape) & ~silhouettes
-    hull = carve((silhouettes | bitten)[kept], cameras.select(kept.tolist()), resolution)
+    eyes = cameras.select(kept.tolist())
+    hull = carve((silhouettes | bitten)[kept], eyes, resolution, frames=frames[kept])
     small, eyes = _shrink(silhouettes, cameras)
     points = hull.origin + (2 * np.argwhere(_solid(hull)) + 0.5) * hull.spacing
     pixel = _project(eyes.projections.numpy(), points, *looks.shape)

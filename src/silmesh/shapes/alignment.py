@@ -18,7 +18,7 @@ REPORT_SIZE = 256  # pixels a side of the images to which the report's alignment
 REPORT_RADIUS = 90  # pixels: radius of the halved unit sphere in such an image
 
 
-def choose_count(silhouettes: np.ndarray) -> int:
+def choose_count(silhouettes: np.ndarray, nearer: float = 1.0) -> int:
     """The fewest vertices whose edges are a few pixels long, the shorter the richer the outlines.
 
     A convex body's surface is four times its mean silhouette (Cauchy), and a closed mesh of n
@@ -28,9 +28,10 @@ def choose_count(silhouettes: np.ndarray) -> int:
 
     Args:
         silhouettes: [views, height, width] bool
+        nearer: by which factor the area is larger in the mean of all views than in these
     """
     detail = _detail(silhouettes)
-    surface = 4 * silhouettes.sum(axis=(1, 2)).mean() * detail
+    surface = 4 * silhouettes.sum(axis=(1, 2)).mean() * detail * nearer
     faces = surface / (math.sqrt(3) / 4 * (EDGE / detail) ** 2)
     return int(np.clip(math.ceil(faces / 2 + 2), COUNTS[0], MOST))
 

@@ -1,6 +1,6 @@
 """The initial mesh that a configuration names, and what a person should know of it."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -8,8 +8,8 @@ import numpy as np
 import trimesh
 
 from silmesh.errors import InputError, name_some
-from silmesh.geometry.camera import INITIAL_SCALE, Cameras
-from silmesh.geometry.frame import is_cut
+from silmesh.geometry.camera import INITIAL_SCALE, OBJECT_RADIUS, Cameras
+from silmesh.geometry.frame import find_whole, is_cut, known_pixels
 from silmesh.geometry.overlap import mean_iou
 from silmesh.geometry.robust_hull import RobustHull
 from silmesh.own_code import call, own_file
@@ -54,7 +54,7 @@ def make_initial_mesh(
     cameras: Cameras,
     trial: Trial | None = None,
     progress: Share = untold,
-    frame: Sequence[int] | None = None,
+    frames: np.ndarray | None = None,
 ) -> Initial:
     """Make an initial mesh at unit size; the fit halves it.
 
@@ -69,28 +69,28 @@ def make_initial_mesh(
         cameras: of these views, in the normalised world
         trial: fits for a few steps; needed for ``auto``
         progress: is told which share of these fits is done
-        frame: left, top, right and bottom of all photographs in these images, in pixels; the whole
-            images if not given
+        frames: [views, 4] left, top, right and bottom of the photographs in these images, in
+            pixels; the whole images if not given
 
     Raises:
         InputError: a function of a person's own fails, or gives no closed mesh
     """
-    if frame is not None and init.shape != "sphere":  # the report's is placed in the whole image
-        silhouettes, cameras = crop(silhouettes, cameras, frame)
+    if frames is not None and init.shape != "sphere":  # the report's is placed in the whole image
+        silhouettes, cameras, frames = crop(silhouettes, cameras, frames)
     scores, warnings = {}, []
     shape = init.shape
     if shape == "auto":
-        scores, warnings = _score(init, silhouettes, cameras, trial, progress)
+        scores, warnings = _score(init, silhouettes, cameras, trial, progress, frames)
         shape = next(iter(scores))
     try:
-        made = _make(init.model_copy(update={"shape": shape}), silhouettes, cameras)
+        made = _make(init.model_copy(update={"shape": shape}), silhouettes, cameras, frames)
     except EmptyHull as error:
         warnings.append(f"{error}; the initial mesh is the {FALLBACK} instead")
-        made = _make(init.model_copy(update={"shape": FALLBACK}), silhouettes, cameras)
-    warnings += _warnings(made.notes, silhouettes, cameras)
+        made = _make(init.model_copy(update={"shape": FALLBACK}), silhouettes, cameras, frames)
+    warnings += _warnings(made.notes, silhouettes, cameras, frames)
     notes, starts = made.notes, {}
     if made.robust is not None and init.align != "none":
-        made, starts, changed = _compare_starts(made, init, silhouettes, cameras)
+        made, starts, changed = _compare_starts(made, init, silhouettes, cameras, frames)
         warnings += changed
     mesh = made.mesh
     shown = render_initial(mesh, cameras, silhouettes.shape[1:])
@@ -100,7 +100,7 @@ def make_initial_mesh(
         "vertices": len(mesh.vertices),
         "faces": len(mesh.faces),
         "genus": 1 - mesh.euler_number // 2,
-        "iou_mean": mean_iou(shown, silhouettes),
+        "iou_mean": mean_iou(shown, silhouettes, known_pixels(silhouettes, frames)),
         **notes,
         "starts": {name: asdict(start) for name, start in starts.items()},
         "scores": {name: asdict(score) for name, score in scores.items()},
@@ -110,19 +110,23 @@ def make_initial_mesh(
 
 
 def _compare_starts(
-    made: _Made, init: Init, silhouettes: np.ndarray, cameras: Cameras
+    made: _Made,
+    init: Init,
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+    frames: np.ndarray | None,
 ) -> tuple[_Made, dict[str, Start], list[str]]:
     """A hull, or the ellipsoid if that fits better; how they do, and what was changed.
 
     The ellipsoid is looked at only where the hull fits poorly, or lost much with its other pieces.
     """
     lost = made.notes["lost"]
-    own = measure_start(made.mesh, lost, silhouettes, cameras, made.robust)
+    own = measure_start(made.mesh, lost, silhouettes, cameras, made.robust, frames)
     starts = {made.shape: own}
     if not own.poor:
         return made, starts, []
-    other = _make(init.model_copy(update={"shape": FALLBACK}), silhouettes, cameras)
-    plain = measure_start(other.mesh, 0, silhouettes, cameras, made.robust)
+    other = _make(init.model_copy(update={"shape": FALLBACK}), silhouettes, cameras, frames)
+    plain = measure_start(other.mesh, 0, silhouettes, cameras, made.robust, frames)
     starts[FALLBACK] = plain
     if plain.iou <= own.iou:
         return made, starts, []
@@ -133,7 +137,9 @@ def _compare_starts(
     return other, starts, [changed]
 
 
-def _make(init: Init, silhouettes: np.ndarray, cameras: Cameras) -> _Made:
+def _make(
+    init: Init, silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray | None
+) -> _Made:
     """An initial mesh at unit size."""
     counted = init.vertices == "auto"
     if init.shape == "sphere":
@@ -141,10 +147,12 @@ def _make(init: Init, silhouettes: np.ndarray, cameras: Cameras) -> _Made:
         if init.align == "bbox":
             mesh.vertices = align_to_box(mesh.vertices, silhouettes[0])
         return _Made(init.shape, mesh)
-    vertices = choose_count(silhouettes) if counted else init.vertices
+    whole = find_whole(silhouettes, frames)
+    nearer = _compare_scale(cameras, whole)
+    vertices = choose_count(silhouettes[whole], nearer) if counted else init.vertices
     notes, robust = {}, None
     if init.shape in CARVED:
-        carved = CARVED[init.shape](silhouettes, cameras, vertices, init.genus)
+        carved = CARVED[init.shape](silhouettes, cameras, vertices, init.genus, frames)
         mesh, robust = carved.mesh, carved.robust
         notes = _describe(carved, cameras)
     elif own_file(init.shape):
@@ -153,7 +161,7 @@ def _make(init: Init, silhouettes: np.ndarray, cameras: Cameras) -> _Made:
     elif init.align == "none":
         mesh = plain_primitive(init.shape, vertices)
     else:
-        mesh = placed_primitive(init.shape, vertices, silhouettes, cameras)
+        mesh = placed_primitive(init.shape, vertices, silhouettes, cameras, frames)
     if init.align == "none":
         return _Made(init.shape, to_unit(mesh), notes, robust)
     mesh.apply_scale(INITIAL_SCALE)
@@ -169,6 +177,13 @@ def _describe(carved: Carved, cameras: Cameras) -> dict[str, Any]:
     return notes
 
 
+def _compare_scale(cameras: Cameras, whole: np.ndarray) -> float:
+    """How many pixels all views show of a small square, for each that some of them show."""
+    depths = cameras.t[:, 2].abs().clamp(min=OBJECT_RADIUS / 2)
+    pixels = (cameras.K[:, 0, 0] / depths).square()
+    return 1.0 if len(whole) == len(cameras) else float(pixels.mean() / pixels[whole].mean())
+
+
 def _take(shape: str, made: Any) -> trimesh.Trimesh:
     """The mesh that a person's own function gave, if one can be fitted from it."""
     if not isinstance(made, trimesh.Trimesh):
@@ -181,7 +196,12 @@ def _take(shape: str, made: Any) -> trimesh.Trimesh:
 
 
 def _score(
-    init: Init, silhouettes: np.ndarray, cameras: Cameras, trial: Trial | None, progress: Share
+    init: Init,
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+    trial: Trial | None,
+    progress: Share,
+    frames: np.ndarray | None,
 ) -> tuple[dict[str, Score], list[str]]:
     """How every placed shape does, the best first, and why some are not among them."""
     if trial is None:
@@ -191,16 +211,18 @@ def _score(
     def make(shape: str) -> None:
         try:
             small = init.model_copy(update={"shape": shape, "vertices": VERTICES})
-            meshes[shape] = _make(small, silhouettes, cameras).mesh
+            meshes[shape] = _make(small, silhouettes, cameras, frames).mesh
         except EmptyHull as error:
             warnings.append(str(error))
 
     share(make, PLACED)
     meshes = {shape: meshes[shape] for shape in PLACED if shape in meshes}
-    return score_meshes(meshes, silhouettes, cameras, trial, progress), warnings
+    return score_meshes(meshes, silhouettes, cameras, trial, progress, frames), warnings
 
 
-def _warnings(notes: Mapping[str, Any], silhouettes: np.ndarray, cameras: Cameras) -> list[str]:
+def _warnings(
+    notes: Mapping[str, Any], silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray | None
+) -> list[str]:
     """What a person should know of the views and the pieces, in sentences."""
     found = []
     if notes.get("lost", 0) > LOST:
@@ -223,7 +245,7 @@ def _warnings(notes: Mapping[str, Any], silhouettes: np.ndarray, cameras: Camera
             f"the hull lets {notes['tolerated']} of {len(cameras)} views disagree: of all views it "
             "would not fill the silhouettes"
         )
-    cut = [view for view, is_it in zip(cameras.views, is_cut(silhouettes), strict=True) if is_it]
+    cut = [cameras.views[i] for i in np.flatnonzero(is_cut(silhouettes, frames))]
     if cut:
         found.append(
             f"the frame cuts the object in {name_some(cut, NAMED)}: what lies beyond is not known"

@@ -6,7 +6,8 @@ import numpy as np
 import trimesh
 
 from silmesh.geometry.camera import INITIAL_SCALE, Cameras
-from silmesh.geometry.overlap import iou
+from silmesh.geometry.frame import known_pixels
+from silmesh.geometry.overlap import mean_iou
 from silmesh.geometry.robust_hull import RobustHull
 from silmesh.geometry.thresholds import COHERENT
 from silmesh.shapes.downsample import render
@@ -38,6 +39,7 @@ def measure_start(
     silhouettes: np.ndarray,
     cameras: Cameras,
     robust: RobustHull | None = None,
+    frames: np.ndarray | None = None,
 ) -> Start:
     """Measure an initial mesh by the views and pixels that are believed.
 
@@ -47,13 +49,16 @@ def measure_start(
         silhouettes: [views, height, width] bool
         cameras: of these views, in the normalised world
         robust: which views and pixels are believed; all if not given
+        frames: [views, 4] of the photographs within the images; the whole images if not given
     """
     shown = render_initial(mesh, cameras, silhouettes.shape[1:])
+    known = known_pixels(silhouettes, frames)
     if robust is not None:
         weighty = robust.reliability > 0
-        known = ~robust.disbelieved[weighty]
-        shown, silhouettes = shown[weighty] & known, silhouettes[weighty] & known
-    return Start(float(iou(shown, silhouettes).mean()), 1 - lost)
+        believed = ~robust.disbelieved[weighty]
+        known = believed if known is None else known[weighty] & believed
+        shown, silhouettes = shown[weighty], silhouettes[weighty]
+    return Start(mean_iou(shown, silhouettes, known), 1 - lost)
 
 
 def render_initial(mesh: trimesh.Trimesh, cameras: Cameras, size: tuple[int, int]) -> np.ndarray:
