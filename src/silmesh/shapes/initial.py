@@ -26,6 +26,7 @@ from silmesh.shapes.starts import Start, measure_start, render_initial
 PLACED = (*PRIMITIVES, *CARVED)  # shapes that all views place in the world; `auto` tries these
 SHAPES = ("sphere", *PLACED, "auto")
 FALLBACK = "ellipsoid"  # the shape that is taken if a hull is empty
+BETTER = 0.01  # IoU by which that must fit better than a hull to take its place
 LOST = 0.001  # share of a carved body's volume in smaller pieces from which to warn
 NAMED = 5  # most views that a warning names
 
@@ -128,7 +129,7 @@ def _compare_starts(
     other = _make(init.model_copy(update={"shape": FALLBACK}), silhouettes, cameras, frames)
     plain = measure_start(other.mesh, 0, silhouettes, cameras, made.robust, frames)
     starts[FALLBACK] = plain
-    if plain.iou <= own.iou:
+    if plain.iou <= own.iou + BETTER:
         return made, starts, []
     changed = (
         f"the initial mesh is the {FALLBACK}: its IoU with the silhouettes is {plain.iou:.2f}, and "
