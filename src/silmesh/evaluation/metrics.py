@@ -62,6 +62,7 @@ def evaluate(
     metrics["cameras"] = _describe_cameras(scene.notes)
     if initial is not None:
         metrics["first"] = dict(initial)
+        metrics["init_iou_mean"] = initial.get("iou_mean")
     metrics["iou"] = dict(zip(cameras.views, iou.tolist(), strict=True))
     return metrics
 

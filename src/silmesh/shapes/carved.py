@@ -16,6 +16,7 @@ from silmesh.errors import InputError
 from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
 from silmesh.geometry.frame import find_whole, known_pixels
 from silmesh.geometry.overlap import mean_iou
+from silmesh.geometry.robust_hull import RobustHull, robust_carve
 from silmesh.geometry.thresholds import COHERENT
 from silmesh.geometry.visual_hull import Hull, carve, find_outlier_views
 from silmesh.shapes.downsample import downsample, downsample_frames, render
@@ -54,12 +55,14 @@ class Carved:
         tolerated: how many views were allowed to disagree
         pieces: number of connected pieces, of which the largest is kept
         lost: share of the volume in the other pieces
+        robust: how far each view was believed; None of a prism
     """
 
     mesh: trimesh.Trimesh
     tolerated: int
     pieces: int
     lost: float
+    robust: RobustHull | None = None
 
 
 def hull_mesh(
@@ -69,7 +72,7 @@ def hull_mesh(
     genus: str,
     frames: np.ndarray | None = None,
 ) -> Carved:
-    """The visual hull as an initial mesh.
+    """The visual hull as an initial mesh, robust where silhouettes contradict each other.
 
     Args:
         silhouettes: [views, height, width] bool
@@ -81,15 +84,21 @@ def hull_mesh(
     Raises:
         EmptyHull: names the views that empty it
     """
-    tolerated = choose_tolerated(silhouettes, cameras, frames)
-    hull = carve(silhouettes, cameras, RESOLUTION, tolerated, frames)
+    found = robust_carve(silhouettes, cameras, frames, RESOLUTION)
+    hull, tolerated = found.hull, 0
+    if not found.explained:  # nor need the robust one: cameras, too, can be a little wrong
+        believed = found.believed(silhouettes, cameras, frames)
+        tolerated = choose_tolerated(*believed)
+        if tolerated:
+            masks, kept, spoken = believed
+            hull = carve(masks, kept, RESOLUTION, tolerated, spoken)
     if hull.empty:
         views = [cameras.views[i] for i in find_outlier_views(silhouettes, cameras, frames)]
         raise EmptyHull(
             "the visual hull is empty: the cameras and the silhouettes contradict each other, most "
             f"of all in {', '.join(views)}"
         )
-    return replace(draw(hull, vertices, genus), tolerated=tolerated)
+    return replace(draw(hull, vertices, genus), tolerated=tolerated, robust=found)
 
 
 def prism_mesh(

@@ -1,7 +1,7 @@
 """The initial mesh that a configuration names, and what a person should know of it."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -9,20 +9,24 @@ import trimesh
 
 from silmesh.errors import InputError, name_some
 from silmesh.geometry.camera import INITIAL_SCALE, OBJECT_RADIUS, Cameras
-from silmesh.geometry.frame import find_whole, is_cut
+from silmesh.geometry.frame import find_whole, is_cut, known_pixels
+from silmesh.geometry.overlap import mean_iou
+from silmesh.geometry.robust_hull import RobustHull
 from silmesh.own_code import call, own_file
 from silmesh.progress import Share, untold
 from silmesh.settings.init import Init
 from silmesh.shapes.alignment import align_to_box, choose_count, choose_report_count, to_unit
-from silmesh.shapes.carved import CARVED, EmptyHull
+from silmesh.shapes.carved import CARVED, Carved, EmptyHull
 from silmesh.shapes.choose import VERTICES, Score, Trial, score_meshes, share
 from silmesh.shapes.downsample import crop
 from silmesh.shapes.primitives import PRIMITIVES, placed_primitive, plain_primitive
 from silmesh.shapes.sphere import unit_sphere
+from silmesh.shapes.starts import Start, measure_start, render_initial
 
 PLACED = (*PRIMITIVES, *CARVED)  # shapes that all views place in the world; `auto` tries these
 SHAPES = ("sphere", *PLACED, "auto")
 FALLBACK = "ellipsoid"  # the shape that is taken if a hull is empty
+BETTER = 0.01  # IoU by which that must fit better than a hull to take its place
 LOST = 0.001  # share of a carved body's volume in smaller pieces from which to warn
 NAMED = 5  # most views that a warning names
 
@@ -35,6 +39,16 @@ class Initial:
     notes: Mapping[str, Any]
 
 
+@dataclass(frozen=True)
+class _Made:
+    """A mesh at unit size, what is said of a carved one, and how far a hull believed each view."""
+
+    shape: str
+    mesh: trimesh.Trimesh
+    notes: Mapping[str, Any] = field(default_factory=dict)
+    robust: RobustHull | None = None
+
+
 def make_initial_mesh(
     init: Init,
     silhouettes: np.ndarray,
@@ -45,7 +59,8 @@ def make_initial_mesh(
 ) -> Initial:
     """Make an initial mesh at unit size; the fit halves it.
 
-    Where a hull is asked for that is empty, it is the ellipsoid, with a warning. A function of a
+    Where a hull is asked for that is empty, or fits the silhouettes worse than the ellipsoid, it is
+    the ellipsoid, with a warning. A function of a
     person's own (``own_code``) is called with the silhouettes, the cameras, and the number of
     vertices or None, and gives a closed mesh in the cameras' world, the normalised one.
 
@@ -69,42 +84,78 @@ def make_initial_mesh(
         scores, warnings = _score(init, silhouettes, cameras, trial, progress, frames)
         shape = next(iter(scores))
     try:
-        mesh, notes = _make(init.model_copy(update={"shape": shape}), silhouettes, cameras, frames)
+        made = _make(init.model_copy(update={"shape": shape}), silhouettes, cameras, frames)
     except EmptyHull as error:
-        shape = FALLBACK
         warnings.append(f"{error}; the initial mesh is the {FALLBACK} instead")
-        mesh, notes = _make(init.model_copy(update={"shape": shape}), silhouettes, cameras, frames)
+        made = _make(init.model_copy(update={"shape": FALLBACK}), silhouettes, cameras, frames)
+    warnings += _warnings(made.notes, silhouettes, cameras, frames)
+    notes, starts = made.notes, {}
+    if made.robust is not None and init.align != "none":
+        made, starts, changed = _compare_starts(made, init, silhouettes, cameras, frames)
+        warnings += changed
+    mesh = made.mesh
+    shown = render_initial(mesh, cameras, silhouettes.shape[1:])
     described = {
         "asked": init.shape,
-        "shape": shape,
+        "shape": made.shape,
         "vertices": len(mesh.vertices),
         "faces": len(mesh.faces),
         "genus": 1 - mesh.euler_number // 2,
+        "iou_mean": mean_iou(shown, silhouettes, known_pixels(silhouettes, frames)),
         **notes,
+        "starts": {name: asdict(start) for name, start in starts.items()},
         "scores": {name: asdict(score) for name, score in scores.items()},
-        "warnings": [*warnings, *_warnings(notes, silhouettes, cameras, frames)],
+        "warnings": warnings,
     }
     return Initial(mesh, described)
 
 
+def _compare_starts(
+    made: _Made,
+    init: Init,
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+    frames: np.ndarray | None,
+) -> tuple[_Made, dict[str, Start], list[str]]:
+    """A hull, or the ellipsoid if that fits better; how they do, and what was changed.
+
+    The ellipsoid is looked at only where the hull fits poorly, or lost much with its other pieces.
+    """
+    lost = made.notes["lost"]
+    own = measure_start(made.mesh, lost, silhouettes, cameras, made.robust, frames)
+    starts = {made.shape: own}
+    if not own.poor:
+        return made, starts, []
+    other = _make(init.model_copy(update={"shape": FALLBACK}), silhouettes, cameras, frames)
+    plain = measure_start(other.mesh, 0, silhouettes, cameras, made.robust, frames)
+    starts[FALLBACK] = plain
+    if plain.iou <= own.iou + BETTER:
+        return made, starts, []
+    changed = (
+        f"the initial mesh is the {FALLBACK}: its IoU with the silhouettes is {plain.iou:.2f}, and "
+        f"{own.iou:.2f} that of the hull's largest piece, {own.kept:.0%} of its volume"
+    )
+    return other, starts, [changed]
+
+
 def _make(
     init: Init, silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray | None
-) -> tuple[trimesh.Trimesh, dict[str, Any]]:
-    """An initial mesh at unit size, and what is told of a carved one."""
+) -> _Made:
+    """An initial mesh at unit size."""
     counted = init.vertices == "auto"
     if init.shape == "sphere":
         mesh = unit_sphere(choose_report_count(silhouettes) if counted else init.vertices)
         if init.align == "bbox":
             mesh.vertices = align_to_box(mesh.vertices, silhouettes[0])
-        return mesh, {}
+        return _Made(init.shape, mesh)
     whole = find_whole(silhouettes, frames)
     nearer = _compare_scale(cameras, whole)
     vertices = choose_count(silhouettes[whole], nearer) if counted else init.vertices
-    notes = {}
+    notes, robust = {}, None
     if init.shape in CARVED:
         carved = CARVED[init.shape](silhouettes, cameras, vertices, init.genus, frames)
-        mesh = carved.mesh
-        notes = {name: getattr(carved, name) for name in ("tolerated", "pieces", "lost")}
+        mesh, robust = carved.mesh, carved.robust
+        notes = _describe(carved, cameras)
     elif own_file(init.shape):
         given = None if counted else init.vertices
         mesh = _take(init.shape, call(init.shape, silhouettes, cameras, given))
@@ -113,9 +164,18 @@ def _make(
     else:
         mesh = placed_primitive(init.shape, vertices, silhouettes, cameras, frames)
     if init.align == "none":
-        return to_unit(mesh), notes
+        return _Made(init.shape, to_unit(mesh), notes, robust)
     mesh.apply_scale(INITIAL_SCALE)
-    return mesh, notes
+    return _Made(init.shape, mesh, notes, robust)
+
+
+def _describe(carved: Carved, cameras: Cameras) -> dict[str, Any]:
+    """What is said of a carved body, of a hull with the views that are not wholly believed."""
+    notes = {name: getattr(carved, name) for name in ("tolerated", "pieces", "lost")}
+    if carved.robust is not None:
+        for name in ("distrusted", "corrected"):
+            notes[name] = [cameras.views[i] for i in getattr(carved.robust, name)]
+    return notes
 
 
 def _compare_scale(cameras: Cameras, whole: np.ndarray) -> float:
@@ -154,7 +214,7 @@ def _score(
     def make(shape: str) -> None:
         try:
             small = init.model_copy(update={"shape": shape, "vertices": VERTICES})
-            meshes[shape], _ = _make(small, silhouettes, cameras, frames)
+            meshes[shape] = _make(small, silhouettes, cameras, frames).mesh
         except EmptyHull as error:
             warnings.append(str(error))
 
@@ -172,6 +232,16 @@ def _warnings(
         found.append(
             f"the body comes in {notes['pieces']} pieces; the largest is kept, the others are "
             f"{notes['lost']:.1%} of the volume"
+        )
+    if lost := notes.get("distrusted"):
+        found.append(
+            f"the hull of the other views contradicts {name_some(lost, NAMED)}: no weight in the "
+            "initial mesh"
+        )
+    if parts := notes.get("corrected"):
+        found.append(
+            f"parts of the silhouettes contradict those of other views in {name_some(parts, NAMED)}"
+            ": the initial mesh does not follow them there"
         )
     if notes.get("tolerated"):
         found.append(
