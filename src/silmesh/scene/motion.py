@@ -148,7 +148,9 @@ def _judge(
     if attempt.cameras is None:
         return attempt
     positions = {view.view: position for position, view in enumerate(views)}
-    return refuse_incoherent(attempt, silhouettes[[positions[v] for v in attempt.cameras.views]])
+    kept = [positions[view] for view in attempt.cameras.views]
+    frames = np.array([views[position].frame for position in kept])
+    return refuse_incoherent(attempt, silhouettes[kept], frames)
 
 
 def attempt_masked(
