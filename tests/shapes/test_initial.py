@@ -11,7 +11,7 @@ from silmesh.progress import untold
 from silmesh.settings.check import check
 from silmesh.settings.init import Init
 from silmesh.shapes.choose import LATEST, ROUNDS, VIEWS, score_meshes
-from silmesh.shapes.downsample import crop, downsample, render
+from silmesh.shapes.downsample import downsample, render
 from silmesh.shapes.initial import PLACED, SHAPES, make_initial_mesh
 
 SIZE = 96
@@ -185,9 +185,9 @@ def test_an_object_that_the_photographs_frame_cuts_is_not_cut_off_there():
     padded = seen.copy()
     padded[:, : frame[1]] = False
     high = []
-    for given in ((padded, cameras), crop(padded, cameras, frame)):
-        first = make_initial_mesh(Init(shape="hull", vertices=200), *given)
+    for frames in (None, np.array([frame] * 8)):
+        first = make_initial_mesh(Init(shape="hull", vertices=200), padded, cameras, frames=frames)
         high.append(first.mesh.vertices[:, 1].max() / 2)
         warned = any("the frame cuts the object" in w for w in first.notes["warnings"])
-        assert warned == (given[1] is not cameras)
+        assert warned == (frames is not None)
     assert high[0] < 0.3 < 0.34 < high[1]
