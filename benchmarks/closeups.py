@@ -94,9 +94,12 @@ def walk(mesh: trimesh.Trimesh, near: bool, seed: int) -> Cameras:
     reach, closer = foremost + rng.uniform(*NEAR, PHOTOGRAPHS), np.arange(PHOTOGRAPHS) % 3 > 0
     stand = np.where((closer & near)[:, None], along * reach[:, None], FAR * along)
     aims = np.where((closer & near)[:, None], 0.7 * aims, 0.0)
-    while len(filled := np.flatnonzero(_fill_border(see(mesh, cameras := look(stand, aims))))):
-        stand[filled] += STEP * along[filled]  # until some background shows at the border
-    return cameras
+    filled = np.flatnonzero(closer & near)
+    while len(filled):  # step back until some background shows at the border
+        masks = see(mesh, look(stand, aims).select(filled))
+        filled = filled[_fill_border(masks)]
+        stand[filled] += STEP * along[filled]
+    return look(stand, aims)
 
 
 def _fill_border(masks: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ from silmesh.settings.check import check
 from silmesh.settings.init import Init
 from silmesh.shapes.carved import hull_mesh
 from silmesh.shapes.choose import LATEST, ROUNDS, VIEWS, score_meshes
-from silmesh.shapes.downsample import crop, downsample, render
+from silmesh.shapes.downsample import downsample, render
 from silmesh.shapes.initial import PLACED, SHAPES, make_initial_mesh
 
 SIZE = 96
@@ -186,11 +186,12 @@ def test_an_object_that_the_photographs_frame_cuts_is_not_cut_off_there():
     padded = seen.copy()
     padded[:, : frame[1]] = False
     high = []
-    for given in ((padded, cameras), crop(padded, cameras, np.tile(frame, (8, 1)))[:2]):
-        high.append(hull_mesh(*given, 200, "keep").mesh.vertices[:, 1].max())
-        first = make_initial_mesh(Init(shape="hull", vertices=200), *given)
+    for frames in (None, np.array([frame] * 8)):
+        hull = hull_mesh(padded, cameras, 200, "keep", frames)
+        high.append(hull.mesh.vertices[:, 1].max())
+        first = make_initial_mesh(Init(shape="hull", vertices=200), padded, cameras, frames=frames)
         warned = any("the frame cuts the object" in w for w in first.notes["warnings"])
-        assert warned == (given[1] is not cameras)
+        assert warned == (frames is not None)
     assert high[0] < 0.3 < 0.34 < high[1]
 
 
