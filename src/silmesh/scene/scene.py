@@ -28,7 +28,7 @@ from silmesh.geometry.camera import (
 )
 from silmesh.geometry.frame import find_whole, is_cut
 from silmesh.geometry.undistortion import Undistorted
-from silmesh.scene.whereabouts import find_body
+from silmesh.geometry.whereabouts import find_body
 from silmesh.silhouettes import encode, read_silhouettes
 from silmesh.views import ImageFolder
 

@@ -13,11 +13,10 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
-from silmesh.geometry.frame import is_cut
-from silmesh.geometry.visual_hull import carve
+from silmesh.geometry.frame import WHOLE, is_cut
+from silmesh.geometry.whereabouts import find_filled
 
 PRIOR = 0.02  # weight of a prior that draws a length which no view shows to the others' mean
-SAMPLES = 32  # a side of the hull of views that are all cut
 TOLERANCE = 0.1  # of a mean half-length: larger residuals are weighted down as outliers
 
 
@@ -43,8 +42,8 @@ def find_ellipsoid(
 ) -> Ellipsoid:
     """Find the ellipsoid; views that the frame cuts are left out if two others are there.
 
-    Of cut ones alone it is the ellipsoid with the moments of their coarse hull, if that is not
-    empty: a solid ellipsoid's covariance is a fifth of its shape matrix.
+    Of cut ones alone it is the ellipsoid with the moments of what most of them see: a solid
+    ellipsoid's covariance is a fifth of its shape matrix.
 
     Args:
         silhouettes: [views, height, width] bool
@@ -54,7 +53,12 @@ def find_ellipsoid(
     shown = silhouettes.any(axis=(1, 2))
     cut = is_cut(silhouettes, frames)
     whole = shown & ~cut
-    if cut.any() and whole.sum() < 2 and len(points := _fill(silhouettes, cameras, frames)):
+    if cut.any() and whole.sum() < 2 and shown.sum() >= WHOLE:
+        points = find_filled(
+            cameras.select(np.flatnonzero(shown)),
+            silhouettes[shown],
+            frames if frames is None else frames[shown],
+        )
         return Ellipsoid(points.mean(axis=0), 5 * np.cov(points.T))
     used = np.flatnonzero(whole if whole.sum() >= 2 else shown)
     centres, shapes = _moments(silhouettes[used], np.linalg.inv(cameras.K.numpy()[used]))
@@ -73,14 +77,6 @@ def find_ellipsoid(
     found = least_squares(residuals, start, loss="cauchy", f_scale=TOLERANCE)
     half = _lower(found.x[3:])
     return Ellipsoid(found.x[:3], half @ half.T)
-
-
-def _fill(silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray | None) -> np.ndarray:
-    """Points [n, 3] of the hull on a coarse grid; none if they do not fill a volume."""
-    hull = carve(silhouettes, cameras, SAMPLES, frames=frames)
-    index = np.argwhere(hull.field > 0)
-    filled = (np.ptp(index, axis=0) > 0).all() if len(index) else False
-    return hull.origin + index * hull.spacing if filled else np.empty((0, 3))
 
 
 def _moments(silhouettes: np.ndarray, to_rays: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

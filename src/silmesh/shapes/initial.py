@@ -179,10 +179,12 @@ def _describe(carved: Carved, cameras: Cameras) -> dict[str, Any]:
 
 
 def _compare_scale(cameras: Cameras, whole: np.ndarray) -> float:
-    """How many pixels all views show of a small square, for each that some of them show."""
-    depths = cameras.t[:, 2].abs().clamp(min=OBJECT_RADIUS / 2)
+    """How many pixels half of all views show of what is one in half of some of them."""
+    if len(whole) == len(cameras):
+        return 1.0
+    depths = cameras.t[:, 2].abs().clamp(min=OBJECT_RADIUS)
     pixels = (cameras.K[:, 0, 0] / depths).square()
-    return 1.0 if len(whole) == len(cameras) else float(pixels.mean() / pixels[whole].mean())
+    return max(1.0, float(pixels.median() / pixels[whole].median()))
 
 
 def _take(shape: str, made: Any) -> trimesh.Trimesh:

@@ -17,6 +17,7 @@ from silmesh.geometry.frame import open_frames
 
 SAMPLES = 40  # voxels along a side of the box
 DOUBLINGS, ROUNDS = 4, 3  # of the box, and of drawing it in
+MARGIN = 1.2  # times as far as the places that many see may reach those at the object's ends
 SEEING = 0.5  # of the views that see the most of all places: those that have to see a place
 DENYING = 0.1  # of the views that speak of a place: those that may deny it
 
@@ -31,6 +32,17 @@ def find_body(cameras: Cameras, silhouettes: np.ndarray, frames: np.ndarray | No
 
     Raises:
         InputError: the views have no place in common
+    """
+    points = find_filled(cameras, silhouettes, frames)
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2
+    radius = MARGIN * np.linalg.norm(points - centre, axis=1).max()
+    return Similarity(torch.as_tensor(centre), float(OBJECT_RADIUS / radius))
+
+
+def find_filled(cameras: Cameras, silhouettes: np.ndarray, frames: np.ndarray | None) -> np.ndarray:
+    """Points [n, 3] on a regular grid that the object fills as far as most views see.
+
+    Arguments and errors are those of ``find_body``.
     """
     cut, spoken = open_frames(silhouettes, frames)
     signed = [_measure(s, part) for s, part in zip(silhouettes, spoken, strict=True)]
@@ -52,10 +64,7 @@ def find_body(cameras: Cameras, silhouettes: np.ndarray, frames: np.ndarray | No
             )
         voxels = _Voxels(*voxels.box(filled))
         filled = voxels.fill(cameras, signed, cut, spoken)
-    points = voxels.points[filled.ravel()]
-    centre = (points.min(axis=0) + points.max(axis=0)) / 2
-    radius = np.linalg.norm(points - centre, axis=1).max()
-    return Similarity(torch.as_tensor(centre), float(OBJECT_RADIUS / radius))
+    return voxels.points[filled.ravel()]
 
 
 class _Voxels:
