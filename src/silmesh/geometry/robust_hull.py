@@ -232,6 +232,8 @@ def _find_trusted(looks: _Looks) -> tuple[np.ndarray, int]:
         before, trusted = trusted, shown & ~_far_below(scores[:, tolerated], shown)
         if (trusted == before).all():
             break
+    else:  # the number is of other views
+        tolerated = int(np.median(_predict(looks, trusted)[shown], axis=0).argmax())
     return trusted, tolerated
 
 
@@ -280,7 +282,7 @@ def _find_bites(
         denied[:, :-1] &= ~bites
         against = _count(looks.pixel, denied, trusted)
         bites = _blame(looks, denied, against, trusted, bearing)
-        trusted = looks.shown.any(axis=1) & (_measure(looks, bites, trusted) >= 1 - LOST)
+        trusted = looks.shown.any(axis=1) & (_measure(looks, bites, trusted, bearing) >= 1 - LOST)
     return bites, trusted
 
 
@@ -322,7 +324,7 @@ def _blame(
     return np.stack(_share(find, len(trusted)))
 
 
-def _measure(looks: _Looks, bites: np.ndarray, trusted: np.ndarray) -> np.ndarray:
+def _measure(looks: _Looks, bites: np.ndarray, trusted: np.ndarray, bearing: int = 0) -> np.ndarray:
     """The share of what each view and the others' hull show on which they agree: [views].
 
     What a view alone cuts off, and nobody misses, is no disagreement. Disagreement outside of its
@@ -333,8 +335,8 @@ def _measure(looks: _Looks, bites: np.ndarray, trusted: np.ndarray) -> np.ndarra
     against = _count(looks.pixel, denied, trusted)
 
     def agree(view: int) -> float:
-        least = _fewest(looks.pixel, against, denied, view, trusted[view], 2)
-        wrong = bites[view] | (looks.shown[view] & (least > 0))
+        least = _fewest(looks.pixel, against, denied, view, trusted[view], bearing + 1)
+        wrong = bites[view] | (looks.shown[view] & (least > bearing))
         parts, _ = ndimage.label(wrong.reshape(looks.shape), AROUND)
         counted = 2 * wrong.sum() - max(np.bincount(parts.ravel())[1:], default=0)
         return max(0.0, 1 - counted / max((looks.shown[view] | bites[view]).sum(), 1))
