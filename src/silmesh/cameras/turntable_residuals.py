@@ -77,18 +77,21 @@ class Turntable:
         self.reach = np.linalg.norm(from_middle, axis=2).max()  # pixels
         self.radius = 1.2 * self.reach * WIDTH / size  # about the object's middle, with a margin
 
+    def select(self, views: np.ndarray, every: int = 1) -> "Turntable":
+        """The same on these views, and every so many-th of their points."""
+        return self._with(self.outlines.select(views, every), self.index[views])
+
     def thin(self) -> "Turntable":
         """The same on fewer views and points."""
         count = len(self.index)
         kept = np.unique(np.linspace(0, count, COARSE_VIEWS, endpoint=False).astype(int))
         kept = kept if count > COARSE_VIEWS else np.arange(count)
         every = max(1, self.outlines.known.shape[1] // COARSE_SAMPLES)
-        return self._with(self.outlines.select(kept, every), self.index[kept])
+        return self.select(kept, every)
 
     def sparse(self) -> "Turntable":
         """The same on every other point."""
-        every = np.arange(len(self.index))
-        return self._with(self.outlines.select(every, 2), self.index)
+        return self.select(np.arange(len(self.index)), 2)
 
     def only(self, samples: np.ndarray) -> "Turntable":
         """The same with residuals at some points of the outlines, [samples] bool, alone."""

@@ -1,0 +1,180 @@
+"""Which views of a turntable agree with each other, where some silhouettes are wrong.
+
+Random sample consensus (Fischler and Bolles 1981) over views: a geometry is found from a few views
+alone, every view is judged by it, and those that agree find it anew (local optimisation, Chum,
+Matas and Kittler 2003), until they stay the same. Photographs of a turn change slowly, so views
+whose silhouettes jump between their neighbours are drawn last (as in PROSAC, Chum and Matas 2005).
+
+How far a view disagrees is measured against the body that the views which agree allow:
+
+    own      the rays through the view's outline miss that body: it shows what is not there
+    denied   the rays through another view's outline, which touch that body, miss the view's
+             silhouette: it lacks what is there
+
+each as a root mean square over the rays of one outline, in pixels; of ``denied`` the most that any
+other view's outline has, since a part that is lacking lies on the outlines of few.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from silmesh.cameras.silhouette_coherence import Outlines, find_misses
+from silmesh.cameras.turntable_residuals import NAMES, Turntable
+
+FEWEST = 6  # views; of fewer none can be told to be wrong
+SHARE = 0.5  # of the views have to agree
+HALF = 0.55  # of the views: those nearest to a geometry, by which it is judged and found anew
+SAMPLE, SAMPLES = 9, 8  # views of a sample, of half the views at most; samples drawn at most
+TIGHT = 0.3  # pixels: when HALF of the views disagree by less, no other samples are drawn
+JUDGES, RAYS = 16, 16  # views that agree, by which views are judged; rays of each
+WRONG = 8  # one judge of so many may be wrong, and is not heard
+ROUNDS, STEPS = 4, 12  # of local optimisation; evaluations of the residuals in each
+NEIGHBOURS = 3  # on each side, between which a silhouette should lie
+LEAST = 0.5  # pixels by which a view may disagree in any case
+SPREAD, QUANTILE = 3.0, 0.3  # nor does it below so many times what this share of the views is below
+
+
+@dataclass(frozen=True)
+class Consensus:
+    """What views agree on.
+
+    Attributes:
+        x: the parameters of ``Turntable``, without offsets
+        pixels: [views], by how much each view disagrees
+        agrees: [views] bool
+    """
+
+    x: np.ndarray
+    pixels: np.ndarray
+    agrees: np.ndarray
+
+    @property
+    def spread(self) -> float:
+        """Pixels by which ``HALF`` of the views disagree at most."""
+        return float(np.quantile(self.pixels, HALF))
+
+    def nearest(self) -> np.ndarray:
+        """Positions of the views that disagree least, sorted."""
+        count = max(FEWEST, math.ceil(HALF * len(self.pixels)))
+        return np.sort(np.argsort(self.pixels, kind="stable")[:count])
+
+
+def find_consensus(
+    turn: Turntable,
+    search: Callable[[Turntable], np.ndarray],
+    free: np.ndarray,
+    limit: float,
+    random: np.random.Generator,
+) -> Consensus | None:
+    """Find the geometry that most views agree on.
+
+    Args:
+        turn: all views that have an outline
+        search: finds the parameters of some views from nothing
+        free: positions of the parameters that may change, without offsets
+        limit: pixels from which a view disagrees in any case
+    Returns:
+        None where there are too few views, or less than ``SHARE`` of them agree on anything
+    """
+    views = len(turn.index)
+    if views < FEWEST:
+        return None
+    suspicion, best = suspect(turn.outlines), None
+    for attempt in range(SAMPLES):
+        sample = _draw(suspicion, random if attempt else None)
+        found = _optimise(turn, search(turn.select(sample)), sample, free, limit)
+        if best is None or found.spread < best.spread:
+            best = found
+        if best.spread <= TIGHT:
+            break
+    best = _refit(turn, best, np.flatnonzero(best.agrees), free, limit)
+    return best if best.agrees.sum() >= max(SHARE * views, FEWEST) else None
+
+
+def judge(turn: Turntable, x: np.ndarray, agreeing: np.ndarray, limit: float) -> Consensus:
+    """Judge all views by those that agree.
+
+    Args:
+        x: parameters, of which offsets are left out
+        agreeing: positions of the views that agree so far
+        limit: pixels from which a view disagrees in any case
+    """
+    x = x[: len(NAMES)]
+    judges = thin_out(agreeing, JUDGES)
+    pixels = np.array([_disagreement(turn, x, view, judges) for view in range(len(turn.index))])
+    usual = SPREAD * np.quantile(pixels, QUANTILE)
+    return Consensus(x, pixels, pixels <= min(max(LEAST, usual), limit))
+
+
+def suspect(outlines: Outlines) -> np.ndarray:
+    """By how much each silhouette jumps between its neighbours, in usual jumps: [views].
+
+    Of its box's sides, in pixels, and of the square root of its area, whichever jumps most.
+    """
+    low, high = outlines.points.min(axis=1), outlines.points.max(axis=1)
+    side = np.sqrt((outlines.distances > 0).sum(axis=(1, 2)))
+    shown = np.column_stack([low, high, side])
+    jumps = np.zeros_like(shown)
+    for view in range(len(shown)):
+        around = np.arange(max(view - NEIGHBOURS, 0), min(view + NEIGHBOURS + 1, len(shown)))
+        jumps[view] = shown[view] - np.median(shown[around[around != view]], axis=0)
+    return (np.abs(jumps) / (np.median(np.abs(jumps), axis=0) + LEAST)).max(axis=1)
+
+
+def thin_out(views: np.ndarray, most: int) -> np.ndarray:
+    """At most so many of some views, evenly."""
+    if len(views) <= most:
+        return views
+    return views[np.linspace(0, len(views), most, endpoint=False).astype(int)]
+
+
+def _draw(suspicion: np.ndarray, random: np.random.Generator | None) -> np.ndarray:
+    """A view of each part of the turn: the least suspected, or by chance, sorted."""
+    views = len(suspicion)
+    parts = int(np.clip(views // 2, FEWEST, SAMPLE))
+    first = 0 if random is None else random.integers(views)
+    edges = np.linspace(0, views, parts + 1).round().astype(int)
+    sample = []
+    for low, high in zip(edges[:-1], edges[1:], strict=True):
+        part = (first + np.arange(low, high)) % views
+        trust = (suspicion[part] + 0.5) ** -2
+        one = trust.argmax() if random is None else random.choice(len(part), p=trust / trust.sum())
+        sample.append(part[one])
+    return np.sort(sample)
+
+
+def _optimise(
+    turn: Turntable, x: np.ndarray, sample: np.ndarray, free: np.ndarray, limit: float
+) -> Consensus:
+    """Let the views that agree best find the geometry anew, as long as they agree better then."""
+    found = judge(turn, x, sample, limit)
+    for _ in range(ROUNDS):
+        again = _refit(turn, found, found.nearest(), free, limit)
+        if again.spread >= found.spread:
+            break
+        found = again
+    return found
+
+
+def _refit(
+    turn: Turntable, found: Consensus, views: np.ndarray, free: np.ndarray, limit: float
+) -> Consensus:
+    part = turn.select(views).thin()
+    start = np.concatenate([found.x, np.zeros(len(part.index))])
+    return judge(turn, part.fit(start, free, STEPS).x, views, limit)
+
+
+def _disagreement(turn: Turntable, x: np.ndarray, view: int, judges: np.ndarray) -> float:
+    others = judges[judges != view]
+    every = max(1, turn.outlines.known.shape[1] // RAYS)
+    part = turn.select(np.concatenate([[view], others]), every)
+    misses = part.misses(np.concatenate([x, np.zeros(len(part.index))]))
+    squares = misses.pixels**2
+    own = np.array([squares[0, misses.view[0] == j + 1].sum() for j in range(len(others))])
+    denied = np.where(misses.view[1:] == 0, squares[1:], 0).mean(axis=1)
+    left = len(others) - len(others) // WRONG
+    own, denied = np.sort(own)[:left].sum() / squares.shape[1], np.sort(denied)[left - 1]
+    return float(np.sqrt(max(own, denied)))
