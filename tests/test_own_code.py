@@ -47,7 +47,7 @@ def test_a_name_is_told_from_a_method_of_ours(own):
 def test_the_mesh_of_a_function_is_fitted_as_it_stands_in_the_world(own, scene):
     first = make_initial_mesh(Init(shape=own + "ball"), *scene)
     np.testing.assert_allclose(np.linalg.norm(first.mesh.vertices, axis=1), 0.6)  # is halved
-    assert first.told["shape"] == own + "ball"
+    assert first.notes["shape"] == own + "ball"
     plain = make_initial_mesh(Init(shape=own + "ball", align="none"), *scene)
     assert np.linalg.norm(plain.mesh.vertices, axis=1).max() == pytest.approx(1)
 

@@ -14,7 +14,7 @@ from silmesh.geometry.visual_hull import carve
 from silmesh.naming import match_masks
 from silmesh.scene.agreement import place
 from silmesh.scene.conventions import settle
-from silmesh.scene.scene import normalising
+from silmesh.scene.scene import find_similarity
 from silmesh.settings.fit import SoftRasFit
 from silmesh.settings.init import Init
 from silmesh.shapes.initial import make_initial_mesh
@@ -100,7 +100,7 @@ def test_the_bunnys_matrices_agree_with_its_masks(data, tmp_path):
     attempt = attempt_from_file(bunny / "projections", views)
     assert (len(attempt.cameras), attempt.dropped, attempt.warnings) == (36, {}, ())
     seen = read_silhouettes(tmp_path / "silhouettes", attempt.cameras.views)
-    cameras = attempt.cameras.in_world_of(normalising(attempt.cameras, seen))
+    cameras = attempt.cameras.in_world_of(find_similarity(attempt.cameras, seen))
     assert coherence(carve(seen, cameras), cameras, seen).mean() >= 0.95
 
 

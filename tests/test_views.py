@@ -242,7 +242,9 @@ def test_a_marked_block_lands_where_the_pixel_map_says(size, resize):
     marked = np.zeros((height, width), np.uint8)
     marked[20:40, 30:60] = 255
     view = place_view("a", "a.png", width, height, 64, resize)
-    placed = np.asarray(view.place(Image.fromarray(marked), Image.Resampling.BILINEAR)) / 255.0
+    placed = (
+        np.asarray(view.into_square(Image.fromarray(marked), Image.Resampling.BILINEAR)) / 255.0
+    )
     assert placed.shape == (64, 64)
     rows, columns = np.indices(placed.shape) + 0.5
     middle = [(columns * placed).sum() / placed.sum(), (rows * placed).sum() / placed.sum()]

@@ -316,7 +316,7 @@ def find_cameras(
 def initial_mesh(
     scene: Scene, shape: str = HULL, *, progress: Share = untold, **settings: Any
 ) -> Initial:
-    """Make an initial mesh, at unit size: ``.mesh``, and ``.told`` of how it was made.
+    """Make an initial mesh, at unit size: ``.mesh``, and ``.notes`` of how it was made.
 
     Args:
         scene: that it is for
@@ -334,7 +334,7 @@ def initial_mesh(
         scene.cameras,
         trial_with(SoftRasFit()),
         progress,
-        scene.told["frame"],
+        scene.notes["frame"],
     )
 
 
@@ -393,7 +393,7 @@ def evaluate(
         InputError: the truth cannot be read
     """
     known = read_mesh(Path(truth)) if isinstance(truth, str | Path) else truth
-    estimated = scene.told["cameras"] not in ("turntable", FILE)
+    estimated = scene.notes["cameras"] not in ("turntable", FILE)
     return metrics.evaluate(
         fitted.mesh,
         fitted.cameras,
@@ -401,7 +401,7 @@ def evaluate(
         asdict(fitted.records[-1]),
         fitted.settings.sigma_at(scene.silhouettes.shape[-1]),
         fitted.settings.holdout,
-        initial.told if initial else None,
+        initial.notes if initial else None,
         truth=known,
         align=estimated,
     )
@@ -589,7 +589,7 @@ class _Search:
 
 def _attempt_own(cameras: Cameras, views: Sequence[View]) -> Attempt:
     """Cameras that a person has in memory, as an attempt."""
-    from silmesh.cameras.formats.matching import Rules, match
+    from silmesh.cameras.formats.assignment import Rules, match
 
     attempt = match(Path(OWN), cameras, views, Rules(working=True))
     figures = {"file": OWN, "cameras": len(cameras), "written": WORLD_TO_CAMERA}
@@ -601,7 +601,7 @@ def _judge(search: _Search, source: CameraSource, fewest: int) -> Scene:
     attempts, keep_world = search.attempt(source)
     found, shown = search.found, search.photographs
     made = build_scene(attempts, shown.views, found.silhouettes, keep_world, found.lost)
-    straight = made.straightened
+    straight = made.undistorted
     images = {v: straight.image(v, shown.images[v]) for v in made.scene.cameras.views}
     whole = replace(made.scene, images=images)
     return judge_scene(whole, found.policy, fewest, keep_world, search.progress).scene

@@ -70,7 +70,7 @@ class View:
         scale_y = (self.bottom - self.top) / self.height
         return np.array([[scale_x, 0, self.left], [0, scale_y, self.top], [0, 0, 1.0]])
 
-    def place(self, image: Image.Image, resample: Image.Resampling) -> Image.Image:
+    def into_square(self, image: Image.Image, resample: Image.Resampling) -> Image.Image:
         """Resize an image of the photograph's field of view into the working square."""
         square = Image.new(image.mode, (self.size, self.size))
         extent = (self.right - self.left, self.bottom - self.top)
@@ -352,7 +352,7 @@ def make_views(
             continue
         view = place_view(name, source, *image.size, size, resize)
         first = first or view
-        yield view, view.place(image, Image.Resampling.LANCZOS)
+        yield view, view.into_square(image, Image.Resampling.LANCZOS)
     for name, (source, why) in unreadable.items():
         grey = Image.new("RGB", (size, size), (GROUND,) * 3)
         yield replace(first, view=name, source=source, unreadable=why), grey
@@ -363,7 +363,7 @@ def in_order(views: Sequence[View], paths: Sequence[Path]) -> list[View]:
     """The views of these photographs in the order of the photographs."""
     if not any(view.unreadable for view in views):  # an array has its views in order
         return list(views)
-    order = {name: place for place, name in enumerate(name_views(paths))}
+    order = {name: position for position, name in enumerate(name_views(paths))}
     return sorted(views, key=lambda view: order[view.view])
 
 

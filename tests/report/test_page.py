@@ -178,8 +178,8 @@ def test_a_truth_that_a_mesh_was_laid_on_comes_back_to_it(parts):
 def test_the_truth_of_a_left_handed_world_is_mirrored(parts):
     results, galleries = parts
     run = ("cup", "plain")
-    told = results[run].scene.told | {"mirrored": True}
-    scene = dataclasses.replace(results[run].scene, told=told)
+    told = results[run].scene.notes | {"mirrored": True}
+    scene = dataclasses.replace(results[run].scene, notes=told)
     moved = dataclasses.replace(results[run], scene=scene)
     placed = []
     for case in (results[run], moved):

@@ -1,8 +1,11 @@
 """Cameras of a turntable whose geometry is unknown, from silhouettes alone.
 
-The measure and the model are those of ``silmesh.cameras.turntable_residuals``: least squares over
-residuals that are smooth enough for it, which also says how well the data fix each parameter. It
-goes from coarse to fine, from several starts, in both directions of turning.
+The parameters minimise the residuals of ``silmesh.cameras.turntable_residuals`` by non-linear least
+squares, whose covariance also says how well the silhouettes fix each parameter. The search starts
+from several elevations, half angles, steps and both directions of rotation on few views and points;
+the best starts are then refined on all of them. If the outlines then miss each other by much, some
+silhouettes may be wrong: the views that agree are found (``silmesh.cameras.consensus``) and fitted
+alone, and the others are named.
 """
 
 import math
@@ -14,7 +17,9 @@ import numpy as np
 import torch
 from scipy.optimize import OptimizeResult
 
+from silmesh.cameras import consensus
 from silmesh.cameras.attempt import CHECK_SERIES, Attempt
+from silmesh.cameras.consensus import Consensus, find_consensus, judge
 from silmesh.cameras.silhouette_coherence import Misses, distance_between, trace
 from silmesh.cameras.turntable_residuals import (
     ELEVATION,
@@ -28,29 +33,49 @@ from silmesh.cameras.turntable_residuals import (
 )
 from silmesh.errors import NAMED, InputError, name_some
 from silmesh.geometry.camera import Cameras
+from silmesh.geometry.frame import whole_frames
 from silmesh.progress import Share, untold, within
 from silmesh.views import View
 
-FEWEST_VIEWS = 3
-POINTS, FEWEST_SAMPLES, MOST_SAMPLES = 1728, 32, 96  # of all outlines together; of each
-STARTS = [(e, a) for e in (4.0, 14.0, 28.0) for a in (8.0, 20.0)]  # elevation, half angle
-ARCS = (360.0, 270.0, 180.0, 120.0, 90.0)  # degrees that views at an unknown step may cover
-COARSE_STEPS, FINE_STEPS, OFFSET_STEPS = 12, 20, 6  # evaluations of the residuals
-SEARCHED, REFINED, RESOLVED = 0.5, 0.75, 0.8  # shares of the time, by which these are done
-RIVAL, RIVALS = 3.0, 4  # ratio of the costs up to which worse starts are refined; at most so many
-SAME = 0.02  # relative difference of two steps under which they are one
-FOLDS = 8  # arcs of an outline; every other one is held out to judge errors of the steps
-CLEAR = 3.0  # standard errors from which a difference counts
-BETTER = 2.0  # standard errors by which errors of the steps explain what was held out
-FIXED = np.array([2.0, 1.0, 1.0, 0.5, 0.3])  # standard deviations up to which the data fix one
-LEVEL = 3.0  # degrees of elevation under which a mirrored object fits as well
-ALIKE = 0.35  # pixels: silhouettes that differ by less are all the same
-REPEATED = 0.05  # of the usual change from view to view: by less, a photograph came twice
+FEWEST_VIEWS = 3  # silhouettes without which no turntable is looked for
+# All outlines together are sampled at about POINTS points, and each at a number within the limits.
+POINTS, FEWEST_SAMPLES, MOST_SAMPLES = 1728, 32, 96
+# Elevation and half angle of view, in degrees, from which the search starts.
+STARTS = [(e, a) for e in (4.0, 14.0, 28.0) for a in (8.0, 20.0)]
+ARCS = (360.0, 270.0, 180.0, 120.0, 90.0)  # degrees of the whole turn, tried if no step is given
+# The most evaluations of the residuals in a fit of the search, of the refinement, and of offsets.
+COARSE_STEPS, FINE_STEPS, OFFSET_STEPS = 12, 20, 6
+# Shares of the run time after which the search, the refinement and the mirror test end, which
+# the progress bar shows.
+SEARCHED, REFINED, RESOLVED = 0.5, 0.75, 0.8
+# A start is refined if its cost is at most RIVAL times the best one, and at most RIVALS starts are.
+RIVAL, RIVALS = 3.0, 4
+SAME = 0.02  # two steps whose relative difference is smaller count as the same
+FOLDS = 8  # arcs that an outline is cut into for cross-validation; every other one is held out
+CLEAR = 3.0  # standard errors from which one fit counts as worse than another
+# Each view gets an angle of its own if that lowers the cost of held-out arcs by so many standard
+# errors.
+BETTER = 2.0
+# A parameter is reported as found if its standard deviation is at most this, in the order of NAMES
+# and in its own unit; otherwise it is reported as open.
+FIXED = np.array([2.0, 1.0, 1.0, 0.5, 0.3])
+LEVEL = 3.0  # degrees of elevation below which the mirrored object may fit as well, so warn
+ALIKE = 0.35  # pixels: outlines whose root mean square difference is less all look the same
+# Two neighbours that differ by less than this share of the median difference between neighbours
+# are taken to be the same photograph.
+REPEATED = 0.05
 LATHE = (
     "all silhouettes are the same, as of a thing turned on a lathe that stands on the axis: they "
     "show the axis, and neither elevation, perspective, step nor direction"
 )
-SUSPECT, REFUSED = 1.0, 4.0  # rms residual per 256 pixels of the image
+# Root mean square residual, in pixels of a 256-pixel image, from which a person is warned and from
+# which the calibration is refused.
+SUSPECT, REFUSED = 1.0, 4.0
+SHARE = 0.5  # of the views with a silhouette that have to agree on a turntable
+# Not all views can agree if the search ends above so many times SUSPECT; all are fitted then only
+# if no views are found that disagree.
+HOPELESS = 2.0
+FULL = "it fills its photograph"
 
 
 @dataclass(frozen=True)
@@ -82,8 +107,10 @@ class Calibration:
         direction_certain: whether the other direction fits clearly worse
         mirror: what tells the object from its mirror image: ``perspective``, ``table`` (the camera
             is taken to stand above it), ``elevation`` (it was given), or ``open``
-        rms: root mean square of the residuals, in pixels
-        view_rms: of each view, 0 without a silhouette
+        rms: root mean square of the residuals of the views that agree, in pixels
+        view_rms: of each view, 0 without an outline; of one that disagrees, by how much
+        disagreeing: views that had no say, since the others contradict their silhouettes: by how
+            much, in words
         offsets: [views] degrees by which each view's angle differs from even steps
         warnings: what a person should know, in sentences
     """
@@ -95,6 +122,7 @@ class Calibration:
     mirror: str
     rms: float
     view_rms: np.ndarray
+    disagreeing: dict[str, str]
     offsets: np.ndarray
     warnings: tuple[str, ...]
 
@@ -128,39 +156,27 @@ def calibrate(
         progress: is told which share is done
 
     Raises:
-        InputError: fewer than 3 views have a silhouette, one fills its image, or no turntable
-            explains them
+        InputError: fewer than 3 views have a silhouette, or no turntable explains most of them
     """
-    shown = np.flatnonzero(silhouettes.any(axis=(1, 2)))
-    if len(shown) < FEWEST_VIEWS:
-        raise InputError(
-            f"cameras 'calibrate': there are {len(shown)} views with a silhouette; it takes at "
-            f"least {FEWEST_VIEWS}, and a dozen to be trusted"
-        )
+    shown, full = _find_shown(silhouettes, views, frames)
     samples = int(np.clip(POINTS // len(views), FEWEST_SAMPLES, MOST_SAMPLES))
     named = [views[i] for i in shown]
     outlines = trace(silhouettes[shown], samples, named, None if frames is None else frames[shown])
     turn = Turntable(outlines, silhouettes.shape[1], aspect, distance, shown)
-    known = [i for i, value in ((ELEVATION, elevation), (STEP, step)) if value is not None]
-    sides = (1,) if above_table else (1, -1)
-    starts = _search(turn, len(views), step, elevation, sides, within(progress, 0, SEARCHED))
-    refining = within(progress, SEARCHED, REFINED)
-    fits = []
-    for done, start in enumerate(starts, start=1):
-        fits.append(turn.fit(start, _free(turn, known), FINE_STEPS))
-        refining(done / len(starts))
-    fits = sorted(fits, key=lambda fit: turn.cost(fit.x))
-    mirror = "elevation"
-    if elevation is None:
-        fits, mirror = _resolve_mirror(turn, fits, _free(turn, known), above_table)
-    progress(RESOLVED)
-    best = _fit_offsets(turn, fits[0], known)
-    progress(1)
-    misses = turn.misses(best.x)
+    given = _Given(len(views), step, elevation, above_table)
     repeated = _find_repeated(silhouettes[shown], named)
-    _refuse_incoherent(turn, misses, repeated)
-    said = [*repeated, *_find_cut(turn, named)]
-    return _report(turn, best, misses, known, views, _find_rivals(turn, fits), mirror, said)
+    fewest = max(SHARE * (len(shown) + len(full)), consensus.FEWEST)
+    fit, verdict = _fit_most(turn, given, fewest, progress)
+    progress(1)
+    if fit.turn is turn:
+        _refuse_incoherent(fit, verdict, repeated)
+    wrong = dict(zip(shown, verdict.pixels, strict=True)) if fit.turn is not turn else {}
+    disagreeing = {views[i]: FULL for i in full}
+    disagreeing |= {
+        views[i]: f"{wrong[i]:.2g} pixels" for i in wrong if not verdict.agrees[list(shown).index(i)]
+    }
+    said = [*repeated, *_warn_of_disagreement(disagreeing, views), *_find_cut(turn, named)]
+    return _report(fit, given, views, wrong, disagreeing, said)
 
 
 def calibrate_views(
@@ -199,33 +215,143 @@ def attempt_calibration(
         "direction_certain": found.direction_certain,
         "mirror": found.mirror,
         "rms": found.rms,
+        "disagreeing": found.disagreeing,
         "view_rms": dict(zip(found.cameras.views, found.view_rms.tolist(), strict=True)),
         "offsets": dict(zip(found.cameras.views, found.offsets.tolist(), strict=True)),
     }
     return Attempt("calibrate", found.cameras, warnings=found.warnings, figures=figures)
 
 
+@dataclass(frozen=True)
+class _Given:
+    """What is known of a turn: arguments of ``calibrate``, and how many views there are."""
+
+    count: int
+    step: float | None
+    elevation: float | None
+    above_table: bool
+
+    @property
+    def known(self) -> list[int]:
+        """Positions of the parameters that are given."""
+        both = (ELEVATION, self.elevation), (STEP, self.step)
+        return [i for i, value in both if value is not None]
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """A turntable that was fitted to silhouettes.
+
+    Attributes:
+        turn: with the views that it was fitted to
+        best: the fit
+        rivals: parameters of other fits that are not clearly worse
+        mirror: as in ``Calibration``
+        misses: the residuals
+    """
+
+    turn: Turntable
+    best: OptimizeResult
+    rivals: list[np.ndarray]
+    mirror: str
+    misses: Misses
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the residuals, in pixels."""
+        return _root_mean_square(self.misses.pixels[self.turn.outlines.known])
+
+
+def _find_shown(
+    silhouettes: np.ndarray, views: Sequence[str], frames: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Positions of the views with an outline, and of those whose silhouette fills its photograph.
+
+    Raises:
+        InputError: too few have an outline
+    """
+    shown = silhouettes.any(axis=(1, 2))
+    if shown.sum() < FEWEST_VIEWS:
+        raise InputError(
+            f"cameras 'calibrate': there are {shown.sum()} views with a silhouette; it takes at "
+            f"least {FEWEST_VIEWS}, and a dozen to be trusted"
+        )
+    boxes = whole_frames(silhouettes) if frames is None else frames
+    full = np.array(
+        [s[top:bottom, left:right].all() for s, (left, top, right, bottom) in zip(
+            silhouettes, boxes, strict=True)]
+    )
+    if (shown & ~full).sum() < max(FEWEST_VIEWS, SHARE * shown.sum()):
+        names = name_some([repr(views[i]) for i in np.flatnonzero(full)])
+        raise InputError(
+            f"cameras 'calibrate': {full.sum()} of the {shown.sum()} silhouettes fill their "
+            f"photographs and have no outline: {names}"
+        )
+    return np.flatnonzero(shown & ~full), np.flatnonzero(full)
+
+
+def _fit_most(
+    turn: Turntable, given: _Given, fewest: float, progress: Share
+) -> tuple[_Fit, Consensus | None]:
+    """Fit all views or, if these contradict each other, those that agree.
+
+    Args:
+        fewest: views that have to agree
+    Returns:
+        the fit, and how far the views agree if that had to be asked
+    """
+    suspect, refused = (limit * turn.size / 256 for limit in (SUSPECT, REFUSED))
+    starts = _search(turn, given, within(progress, 0, SEARCHED))
+    thin = turn.thin()
+    cost = thin.cost(np.r_[starts[0][: len(NAMES)], np.zeros(len(thin.index))])
+    hopeless = cost > HOPELESS * suspect
+    fit = None if hopeless else _solve(turn, starts, given, progress)
+    if len(turn.index) < consensus.FEWEST or (fit and fit.rms <= suspect):
+        return fit or _solve(turn, starts, given, progress), None
+    verdict = find_consensus(
+        turn,
+        lambda sample: _search(sample, given)[0][: len(NAMES)],
+        _free(turn, given.known),
+        refused,
+        np.random.default_rng(0),
+    )
+    if verdict.agrees.sum() >= fewest and not verdict.agrees.all():
+        agreeing = np.flatnonzero(verdict.agrees)
+        part = turn.alone(agreeing)
+        apart = _solve(part, _search(part, given), given)
+        if apart.rms <= suspect:
+            return apart, judge(part.of(turn.outlines, turn.index), apart.best.x, agreeing, refused, True)
+    return fit or _solve(turn, starts, given, progress), verdict
+
+
+def _solve(
+    turn: Turntable, starts: Sequence[np.ndarray], given: _Given, progress: Share = untold
+) -> _Fit:
+    """Refine starts on all views, and tell apart what fits as well."""
+    free = _free(turn, given.known)
+    fits, mirror = _refine(turn, starts, free, within(progress, SEARCHED, REFINED)), "elevation"
+    if given.elevation is None:
+        fits, mirror = _resolve_mirror(turn, fits, free, given.above_table)
+    progress(RESOLVED)
+    best = _fit_offsets(turn, fits[0], given.known)
+    return _Fit(turn, best, _find_rivals(turn, fits), mirror, turn.misses(best.x))
+
+
 def _free(turn: Turntable, known: Sequence[int], offsets: bool = False) -> np.ndarray:
-    """The parameters that a fit may change."""
+    """Positions of the parameters that a fit may change."""
     free = [i for i in range(len(NAMES)) if i not in known]
     return np.array(free + [len(NAMES) + i for i in range(len(turn.index)) if offsets])
 
 
-def _search(
-    turn: Turntable,
-    places: int,
-    step: float | None,
-    elevation: float | None,
-    sides: Sequence[int],
-    progress: Share,
-) -> list[np.ndarray]:
-    """The parameters to refine, found on fewer views of so many places in the turn.
+def _search(turn: Turntable, given: _Given, progress: Share = untold) -> list[np.ndarray]:
+    """Find starts to refine, on fewer views and points: [parameters] each.
 
-    The best of each direction of turning, side of the table and arc, unless clearly worse than the
-    best of all.
+    The best start is kept of each combination of rotation direction, side of the table and arc,
+    unless it is clearly worse than the best of all.
     """
-    thin = turn.thin()
-    steps = [abs(step)] if step is not None else [arc / places for arc in ARCS]
+    thin, step, elevation = turn.thin(), given.step, given.elevation
+    sides = (1,) if given.above_table else (1, -1)  # of the table: above, below
+    steps = [abs(step)] if step is not None else [arc / given.count for arc in ARCS]
     starts = STARTS if step is not None else STARTS[::2]
     if elevation is not None:
         starts, sides = [(elevation, angle) for _, angle in STARTS[:2]], (1,)
@@ -242,13 +368,27 @@ def _search(
     return [np.concatenate([x, np.zeros(len(turn.index))]) for x in best]
 
 
+def _refine(
+    turn: Turntable, starts: Sequence[np.ndarray], free: np.ndarray, progress: Share
+) -> list[OptimizeResult]:
+    """Fit the parameters ``free`` from each start, on all views and points; the best fit first."""
+    fits = []
+    for done, start in enumerate(starts, start=1):
+        fits.append(turn.fit(start, free, FINE_STEPS))
+        progress(done / len(starts))
+    return sorted(fits, key=lambda fit: turn.cost(fit.x))
+
+
 def _resolve_mirror(
     turn: Turntable, fits: list[OptimizeResult], free: np.ndarray, above_table: bool
 ) -> tuple[list[OptimizeResult], str]:
-    """Tell the best fit from that of the mirrored object, by perspective where this is clear.
+    """Decide between the best fit and that of the mirrored object.
+
+    Perspective decides where it does so clearly; otherwise the assumption that the camera stands
+    above the table does.
 
     Returns:
-        the fits, the mirrored one first if it is clearly better, and what told them apart
+        the fits, the mirrored one first if it is clearly better, and what decided
     """
     best, thin = fits[0], turn.thin()
     part = free[free < len(NAMES)]
@@ -269,16 +409,16 @@ def _resolve_mirror(
 
 
 def _find_rivals(turn: Turntable, fits: Sequence[OptimizeResult]) -> list[np.ndarray]:
-    """The other fits that are not clearly worse than the first."""
+    """The parameters of the other fits that are not clearly worse than the first."""
     cost = turn.cost(fits[0].x)
     return [fit.x for fit in fits[1:] if turn.excess(cost, turn.cost(fit.x)) <= CLEAR]
 
 
 def _fit_offsets(turn: Turntable, fit: OptimizeResult, known: Sequence[int]) -> OptimizeResult:
-    """Let every view have its own angle, if that explains outlines that it was not fitted to.
+    """Give every view its own angle, if that explains held-out parts of the outlines better.
 
-    Cross-validation in two folds: the angles are fitted to every other arc of each outline and
-    judged on the arcs between.
+    This is a cross-validation in two folds: the angles are fitted to every other arc of each
+    outline and evaluated on the arcs between.
     """
     count = turn.outlines.known.shape[1]
     fold = np.arange(count) * FOLDS // count % 2 == 0
@@ -297,7 +437,7 @@ def _fit_offsets(turn: Turntable, fit: OptimizeResult, known: Sequence[int]) -> 
 
 
 def _find_repeated(silhouettes: np.ndarray, views: Sequence[str]) -> list[str]:
-    """Which neighbours show the same, in a sentence, if any do."""
+    """A sentence that names neighbours with the same silhouette, if there are any."""
     changes = np.array([(a ^ b).sum() for a, b in pairwise(silhouettes)])
     twice = np.flatnonzero(changes < REPEATED * np.median(changes))
     if not len(twice):
@@ -309,7 +449,7 @@ def _find_repeated(silhouettes: np.ndarray, views: Sequence[str]) -> list[str]:
 
 
 def _find_cut(turn: Turntable, views: Sequence[str]) -> list[str]:
-    """In which views the frame cuts the object, in a sentence, if it does."""
+    """A sentence that names the views in which the frame cuts the object, if there are any."""
     cut = np.flatnonzero(turn.outlines.cut)
     if not len(cut):
         return []
@@ -317,50 +457,63 @@ def _find_cut(turn: Turntable, views: Sequence[str]) -> list[str]:
     return [f"the frame cuts the object in {len(cut)} of {len(views)} views: {names}"]
 
 
-def _refuse_incoherent(turn: Turntable, misses: Misses, said: Sequence[str]) -> None:
-    rms = _root_mean_square(misses.pixels[turn.outlines.known])
-    allowed = REFUSED * turn.size / 256
-    if rms > allowed:
-        raise InputError(
-            f"cameras 'calibrate': no turntable explains these silhouettes: at best their "
-            f"outlines miss each other by {rms:.2g} pixels (root mean square; at most "
-            f"{allowed:.2g} is accepted)" + "".join(f"; {s}" for s in said) + CHECK_SERIES
-        )
+def _warn_of_disagreement(disagreeing: dict[str, str], views: Sequence[str]) -> list[str]:
+    if not disagreeing:
+        return []
+    names = name_some([f"{view!r} ({why})" for view, why in disagreeing.items()])
+    return [
+        f"the silhouettes of {len(disagreeing)} of {len(views)} views disagree with the turntable "
+        f"that the others agree on, and had no say: {names}"
+    ]
+
+
+def _refuse_incoherent(fit: _Fit, verdict: Consensus | None, said: Sequence[str]) -> None:
+    """Refuse a fit of all views whose residuals are too large."""
+    allowed = REFUSED * fit.turn.size / 256
+    if fit.rms <= allowed:
+        return
+    most = f"; no turntable explains more than {verdict.agrees.sum()} of the {len(verdict.agrees)}"
+    raise InputError(
+        f"cameras 'calibrate': no turntable explains these silhouettes: at best their "
+        f"outlines miss each other by {fit.rms:.2g} pixels (root mean square; at most "
+        f"{allowed:.2g} is accepted)" + (most if verdict else "")
+        + "".join(f"; {s}" for s in said) + CHECK_SERIES
+    )
 
 
 def _report(
-    turn: Turntable,
-    fit: OptimizeResult,
-    misses: Misses,
-    known: Sequence[int],
+    fit: _Fit,
+    given: _Given,
     views: Sequence[str],
-    rivals: Sequence[np.ndarray],
-    mirror: str,
+    wrong: dict[int, float],
+    disagreeing: dict[str, str],
     said: Sequence[str],
 ) -> Calibration:
-    count = len(views)
-    *camera, own = turn.cameras_at(fit.x, count)
+    """What was found; ``wrong`` is by how much each view disagrees, if that had to be asked."""
+    turn, best, misses, count = fit.turn, fit.best, fit.misses, len(views)
+    *camera, own = turn.cameras_at(best.x, count)
     alike = distance_between(turn.outlines) < ALIKE
-    free = _free(turn, known, offsets=bool(own.any()))
-    estimates = _estimate(turn, fit, misses, known, free, alike)
+    free = _free(turn, given.known, offsets=bool(own.any()))
+    estimates = _estimate(turn, best, misses, given.known, free, alike)
     view_rms = np.zeros(count)
+    view_rms[list(wrong)] = list(wrong.values())
     view_rms[turn.index] = [
         _root_mean_square(r[k]) if k.any() else 0.0
         for r, k in zip(misses.pixels, turn.outlines.known, strict=True)
     ]
-    rms = _root_mean_square(misses.pixels[turn.outlines.known])
     K, R, t = map(torch.as_tensor, camera)
     cameras = Cameras(tuple(views), torch.full((count, 2), turn.size), K.repeat(count, 1, 1), R, t)
-    certain = not alike and all(x[STEP] * fit.x[STEP] > 0 for x in rivals)
+    certain = not alike and all(x[STEP] * best.x[STEP] > 0 for x in fit.rivals)
     warnings = [
         *said,
         *([LATHE] if alike else _warn_of_estimates(estimates)),
-        *([] if alike else _warn_of_rivals(estimates, rivals, certain, mirror)),
-        *_warn_of_misses(turn, rms, view_rms, views),
+        *([] if alike else _warn_of_rivals(estimates, fit.rivals, certain, fit.mirror)),
+        *_warn_of_misses(turn, fit.rms, view_rms, views),
     ]
     return Calibration(
-        cameras, estimates, turn.row, certain, mirror, rms, view_rms, own, tuple(warnings)
-    )
+        cameras, estimates, turn.row, certain, fit.mirror, fit.rms, view_rms, disagreeing, own,
+        tuple(warnings),
+    )  # fmt: skip
 
 
 def _estimate(
@@ -371,10 +524,10 @@ def _estimate(
     free: np.ndarray,
     alike: bool,
 ) -> dict[str, Estimate]:
-    """Values with their deviations, from how the residuals change about where the fit ended.
+    """The parameters with their standard deviations, from the residuals' derivatives at the fit.
 
-    Silhouettes that are all alike fix the axis, and of the rest only what they contradict: a level
-    camera explains them always.
+    If all silhouettes look the same, they fix the axis and the roll only. Elevation, half angle
+    and step then get the standard deviations of their priors.
     """
     noise = max(NOISE, _root_mean_square(misses.pixels[turn.outlines.known]))
     turn = turn.sparse()
@@ -387,8 +540,10 @@ def _estimate(
     sd = np.zeros(len(fit.x))
     sd[free] = np.sqrt(np.diag(np.linalg.pinv(precision)))
     if alike:
-        loose = [i for i in (ELEVATION, VIEW, STEP) if i not in known]
-        sd[loose] = np.where(np.isfinite(prior_sd[loose]), prior_sd[loose], np.abs(fit.x[loose]))
+        unknown = [i for i in (ELEVATION, VIEW, STEP) if i not in known]
+        sd[unknown] = np.where(
+            np.isfinite(prior_sd[unknown]), prior_sd[unknown], np.abs(fit.x[unknown])
+        )
     values = fit.x[: len(NAMES)].copy()
     values[VIEW] = math.degrees(math.atan(math.exp(values[VIEW])))
     status = ["found" if s <= most else "open" for s, most in zip(sd, FIXED, strict=False)]
@@ -413,7 +568,7 @@ def _warn_of_rivals(
     certain: bool,
     mirror: str,
 ) -> list[str]:
-    """What else explains the silhouettes as well."""
+    """Sentences that name other turntables which explain the silhouettes as well."""
     said = []
     elevation, step = estimates["elevation"].value, estimates["step"].value
     others = {round(abs(x[STEP]), 3) for x in rivals if abs(abs(x[STEP] / step) - 1) > SAME}

@@ -25,16 +25,16 @@ from silmesh.cameras.silhouette_coherence import Outlines, find_misses
 from silmesh.cameras.turntable_residuals import NAMES, Turntable
 
 FEWEST = 6  # views; of fewer none can be told to be wrong
-SHARE = 0.5  # of the views have to agree
 HALF = 0.55  # of the views: those nearest to a geometry, by which it is judged and found anew
-SAMPLE, SAMPLES = 9, 8  # views of a sample, of half the views at most; samples drawn at most
-TIGHT = 0.3  # pixels: when HALF of the views disagree by less, no other samples are drawn
+SAMPLE, SAMPLES = 9, 8  # views of a sample, half the views at most; samples drawn at most
+TIGHT = 0.25  # pixels: when HALF of the views disagree by less, no other samples are drawn
 JUDGES, RAYS = 16, 16  # views that agree, by which views are judged; rays of each
-WRONG = 8  # one judge of so many may be wrong, and is not heard
+WRONG = 8  # one judge of so many may be wrong
 ROUNDS, STEPS = 4, 12  # of local optimisation; evaluations of the residuals in each
 NEIGHBOURS = 3  # on each side, between which a silhouette should lie
-LEAST = 0.5  # pixels by which a view may disagree in any case
-SPREAD, QUANTILE = 3.0, 0.3  # nor does it below so many times what this share of the views is below
+# Pixels by which a view may disagree in any case, with some judges unheard, and with all heard.
+LEAST, TRUSTING = 0.35, 0.5
+SPREAD, QUANTILE = 3.0, 0.3  # it may by so many times what this share of the views does
 
 
 @dataclass(frozen=True)
@@ -68,20 +68,15 @@ def find_consensus(
     free: np.ndarray,
     limit: float,
     random: np.random.Generator,
-) -> Consensus | None:
+) -> Consensus:
     """Find the geometry that most views agree on.
 
     Args:
-        turn: all views that have an outline
+        turn: all views that have an outline, at least ``FEWEST``
         search: finds the parameters of some views from nothing
         free: positions of the parameters that may change, without offsets
         limit: pixels from which a view disagrees in any case
-    Returns:
-        None where there are too few views, or less than ``SHARE`` of them agree on anything
     """
-    views = len(turn.index)
-    if views < FEWEST:
-        return None
     suspicion, best = suspect(turn.outlines), None
     for attempt in range(SAMPLES):
         sample = _draw(suspicion, random if attempt else None)
@@ -90,23 +85,28 @@ def find_consensus(
             best = found
         if best.spread <= TIGHT:
             break
-    best = _refit(turn, best, np.flatnonzero(best.agrees), free, limit)
-    return best if best.agrees.sum() >= max(SHARE * views, FEWEST) else None
+    agreeing = np.flatnonzero(best.agrees)
+    return _refit(turn, best, agreeing, free, limit) if len(agreeing) >= FEWEST else best
 
 
-def judge(turn: Turntable, x: np.ndarray, agreeing: np.ndarray, limit: float) -> Consensus:
+def judge(
+    turn: Turntable, x: np.ndarray, agreeing: np.ndarray, limit: float, trusting: bool = False
+) -> Consensus:
     """Judge all views by those that agree.
 
     Args:
         x: parameters, of which offsets are left out
         agreeing: positions of the views that agree so far
         limit: pixels from which a view disagrees in any case
+        trusting: whether all that agree so far are heard; otherwise the worst of what one in
+            ``WRONG`` of them says is not
     """
-    x = x[: len(NAMES)]
-    judges = thin_out(agreeing, JUDGES)
-    pixels = np.array([_disagreement(turn, x, view, judges) for view in range(len(turn.index))])
-    usual = SPREAD * np.quantile(pixels, QUANTILE)
-    return Consensus(x, pixels, pixels <= min(max(LEAST, usual), limit))
+    x, judges = x[: len(NAMES)], thin_out(agreeing, JUDGES)
+    unheard = 0 if trusting else len(judges) // WRONG
+    pixels = [_disagreement(turn, x, view, judges, unheard) for view in range(len(turn.index))]
+    least = TRUSTING if trusting else LEAST
+    allowed = min(max(least, SPREAD * np.quantile(pixels, QUANTILE)), limit)
+    return Consensus(x, np.array(pixels), np.array(pixels) <= allowed)
 
 
 def suspect(outlines: Outlines) -> np.ndarray:
@@ -167,7 +167,9 @@ def _refit(
     return judge(turn, part.fit(start, free, STEPS).x, views, limit)
 
 
-def _disagreement(turn: Turntable, x: np.ndarray, view: int, judges: np.ndarray) -> float:
+def _disagreement(
+    turn: Turntable, x: np.ndarray, view: int, judges: np.ndarray, unheard: int
+) -> float:
     others = judges[judges != view]
     every = max(1, turn.outlines.known.shape[1] // RAYS)
     part = turn.select(np.concatenate([[view], others]), every)
@@ -175,6 +177,6 @@ def _disagreement(turn: Turntable, x: np.ndarray, view: int, judges: np.ndarray)
     squares = misses.pixels**2
     own = np.array([squares[0, misses.view[0] == j + 1].sum() for j in range(len(others))])
     denied = np.where(misses.view[1:] == 0, squares[1:], 0).mean(axis=1)
-    left = len(others) - len(others) // WRONG
-    own, denied = np.sort(own)[:left].sum() / squares.shape[1], np.sort(denied)[left - 1]
+    heard = len(others) - unheard
+    own, denied = np.sort(own)[:heard].sum() / squares.shape[1], np.sort(denied)[heard - 1]
     return float(np.sqrt(max(own, denied)))

@@ -43,16 +43,16 @@ def evaluate(
         the metrics, for JSON: ``docs/metrics.md`` says what each is
     """
     iou = silhouette_iou(*to_tensors(mesh), cameras, scene.silhouettes, sigma)
-    told = scene.told
+    notes = scene.notes
     metrics = {
         **summarise_iou(iou, held_out(len(iou), holdout)),
         "hull_iou_mean": float(scene.coherence.mean()),
         "views": len(iou),
-        "views_dropped": len(told["dropped"]),
-        "views_repaired": len(told.get("repaired", [])),
-        "hull_doubtful": ", ".join(told["doubtful"]) or None,
-        "measured": told.get("measured", []),
-        "silhouettes_contradicted": told.get("contradicted", []),
+        "views_dropped": len(notes["dropped"]),
+        "views_repaired": len(notes.get("repaired", [])),
+        "hull_doubtful": ", ".join(notes["doubtful"]) or None,
+        "measured": notes.get("measured", []),
+        "silhouettes_contradicted": notes.get("contradicted", []),
         "loss_final": float(last["loss"]),
         "iterations": int(last["iteration"]) + 1,
         "fit_seconds": float(last["seconds"]),
@@ -62,17 +62,17 @@ def evaluate(
         "silhouettes": silhouettes,
     }
     if truth is not None:
-        if told.get("mirrored"):  # as the world of the mesh is
+        if notes.get("mirrored"):  # as the world of the mesh is
             truth = truth.copy()
             truth.apply_transform(np.diag([*MIRROR, 1.0]))
         metrics |= _compare(mesh, truth, align)
     metrics["cameras"] = {
-        "source": told["cameras"],
-        "because": told["cameras_because"],
-        "attempts": told["attempts"],
-        "dropped": told["dropped"],
-        "mirrored": told.get("mirrored", False),
-        "warnings": told["warnings"],
+        "source": notes["cameras"],
+        "because": notes["cameras_because"],
+        "attempts": notes["attempts"],
+        "dropped": notes["dropped"],
+        "mirrored": notes.get("mirrored", False),
+        "warnings": notes["warnings"],
     }
     if first is not None:
         metrics["first"] = dict(first)
@@ -86,15 +86,15 @@ def _compare(
     """Compare a mesh to the truth, after it was ``laid`` on it if that is asked for."""
     # What only a truth needs: libraries that take half a second of a run without one.
     from silmesh.evaluation.ground_truth import compare_to_truth
-    from silmesh.evaluation.registration import align
+    from silmesh.evaluation.registration import register
 
     if not laid:
         return compare_to_truth(mesh, truth)
-    found = align(mesh, truth)
+    found = register(mesh, truth)
     moved = trimesh.Trimesh(found.apply(mesh.vertices), mesh.faces, process=False)
     placement = {"scale": found.scale, "R": found.R.tolist(), "t": found.t.tolist()}
-    told = {"aligned": True, "scale": found.scale, "placement": placement}
-    return told | compare_to_truth(moved, truth)
+    notes = {"aligned": True, "scale": found.scale, "placement": placement}
+    return notes | compare_to_truth(moved, truth)
 
 
 def summarise_iou(values: np.ndarray, held_out: Sequence[int]) -> dict[str, float | None]:

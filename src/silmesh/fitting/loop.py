@@ -1,4 +1,4 @@
-"""The loop around a fit, whichever its procedure: records, checkpoints, and steps taken back."""
+"""The loop around any fitting procedure: records, checkpoints, and undone steps."""
 
 import math
 import time
@@ -13,8 +13,8 @@ from silmesh.errors import InputError
 from silmesh.fitting.checkpoint import Checkpoint
 from silmesh.geometry.camera import Cameras
 
-TRIES = 6  # how many times a step is halved before the fit is given up
-LABELS = {"iou_loss": "IoU loss", "laplacian": "Laplacian"}  # of losses that go by other words
+TRIES = 6  # halvings of the steps after which a fit that meets infinite numbers fails
+LABELS = {"iou_loss": "IoU loss", "laplacian": "Laplacian"}  # names of losses in messages
 ADVICE = "A smaller learning_rate or a larger sigma may help"
 
 
@@ -98,7 +98,7 @@ def run(
 
 
 def _go_on(fit: Procedure, checkpoint: Checkpoint | None) -> list[Record]:
-    """Take up a checkpoint: its records; none if there is none, or one that is of no use."""
+    """Resume from a checkpoint and return its records; an unusable one is ignored."""
     if not checkpoint or not (kept := checkpoint.read()):
         return []
     fresh = fit.state()

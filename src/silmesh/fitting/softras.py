@@ -62,14 +62,14 @@ class SoftRas:
 
     def step(self) -> dict[str, float]:
         """A step of Adam."""
-        told, verts = self._settings, self._shape()
+        verts, sigma = self._shape(), self._settings.sigma
         size = tuple(self._silhouettes.shape[1:])
-        alpha = soft_silhouettes(self._cameras.project(verts), self.faces, size, sigma=told.sigma)
+        alpha = soft_silhouettes(self._cameras.project(verts), self.faces, size, sigma=sigma)
         losses = self._objective(verts, alpha, self._silhouettes, self._weights)
         values = refuse_not_finite(losses.read())
         self._shape.zero_grad()
         losses.loss.backward()
-        self._adam.step(told.learning_rate * 0.5**self.halvings)
+        self._adam.step(self._settings.learning_rate * 0.5**self.halvings)
         self._steps += 1
         gradients = [parameter.grad for parameter in self._shape.parameters()]
         return refuse_not_finite(values, *gradients, *self._shape.parameters())

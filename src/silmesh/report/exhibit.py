@@ -10,7 +10,7 @@ import numpy as np
 import torch
 import trimesh
 
-from silmesh.geometry.camera import FIRST_SCALE, Cameras, Similarity
+from silmesh.geometry.camera import INITIAL_SCALE, Cameras, Similarity
 from silmesh.report.outlines import outline_path
 from silmesh.report.packing import encode_glb, pack
 from silmesh.report.rings import frusta_of, look_ahead
@@ -45,7 +45,7 @@ def describe_exhibit(
     frusta, up = frusta_of(cameras.in_world_of(similarity)), cameras.up.numpy()
     return {
         "fitted": pack(encode_glb(place, mesh.faces, colours)),
-        "first": pack(encode_glb(np.asarray(first.vertices) / FIRST_SCALE, first.faces)),
+        "first": pack(encode_glb(np.asarray(first.vertices) / INITIAL_SCALE, first.faces)),
         "outlines": dict(zip(cameras.views, _outlines(mesh, cameras, sigma), strict=True)),
         "up": up.tolist(),
         "ahead": look_ahead(cameras, up).tolist(),

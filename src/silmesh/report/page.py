@@ -50,12 +50,12 @@ class Scene:
 
     Attributes:
         name: of the scene, which runs may share
-        told: its ``scene.json``
+        notes: its ``scene.json``
         picture: of the cameras, PNG
     """
 
     name: str
-    told: Mapping[str, Any]
+    notes: Mapping[str, Any]
     picture: Path
 
 
@@ -280,10 +280,10 @@ def _place_truth(result: Result) -> list[float]:
     if (laid := result.metrics.get("placement")) is not None:
         move[:3, :3] = laid["scale"] * np.array(laid["R"])
         move[:3, 3] = laid["t"]
-    normalise = np.eye(4) * result.scene.told["scale"]
-    normalise[:3, 3] = -result.scene.told["scale"] * np.array(result.scene.told["centre"])
+    normalise = np.eye(4) * result.scene.notes["scale"]
+    normalise[:3, 3] = -result.scene.notes["scale"] * np.array(result.scene.notes["centre"])
     normalise[3, 3] = 1
-    mirror = np.diag([*MIRROR, 1.0]) if result.scene.told.get("mirrored") else np.eye(4)
+    mirror = np.diag([*MIRROR, 1.0]) if result.scene.notes.get("mirrored") else np.eye(4)
     return (normalise @ np.linalg.inv(move) @ mirror).T.ravel().tolist()
 
 
@@ -314,12 +314,12 @@ def _describe_scenes(scenes: Mapping[str, Scene], room: int) -> list[dict[str, A
     return [
         {
             "variants": names,
-            "source": scene.told["cameras"],
-            "count": len(scene.told["hull_iou"]),
-            "coherence": f"{scene.told['hull_iou_mean']:.3f}",
-            "dropped": scene.told["dropped"],
-            "warnings": scene.told["warnings"],
-            "estimates": _show_estimates(scene.told["figures"].get("estimates", {})),
+            "source": scene.notes["cameras"],
+            "count": len(scene.notes["hull_iou"]),
+            "coherence": f"{scene.notes['hull_iou_mean']:.3f}",
+            "dropped": scene.notes["dropped"],
+            "warnings": scene.notes["warnings"],
+            "estimates": _show_estimates(scene.notes["figures"].get("estimates", {})),
             "picture": _embed_still(scene.picture, room),
         }
         for names in variants.values()

@@ -50,7 +50,7 @@ def find(image: Image.Image, view: View, mask: Path | None) -> np.ndarray:
     low, high = find_levels(np.asarray(brightness), str(mask))
     scale = 255 / (high - low)
     spread = brightness.point([min(max(round((v - low) * scale), 0), 255) for v in range(256)])
-    return np.asarray(view.place(spread, Image.Resampling.BILINEAR)) > 127
+    return np.asarray(view.into_square(spread, Image.Resampling.BILINEAR)) > 127
 
 
 def refuse_labels(files: Sequence[Path]) -> None:

@@ -35,14 +35,14 @@ def main(argv: Sequence[str] | None = None) -> None:
         scene.cameras,
         trial_with(given.trial),
         share_of(f"first {given.output}"),
-        scene.told["frame"],
+        scene.notes["frame"],
     )
-    for warning in first.told["warnings"]:
+    for warning in first.notes["warnings"]:
         print(f"silmesh: {given.scene}: {warning}", file=sys.stderr)
     with replacing(given.output) as part:
         first.mesh.export(part)
     with replacing(given.report) as part:
-        part.write_text(json.dumps(first.told, indent=1) + "\n", encoding="utf-8")
+        part.write_text(json.dumps(first.notes, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -50,7 +50,7 @@ def _write(output: Path, scene: Path, judged: Judged) -> None:
     with making(output) as part:
         write_scene(part, judged.scene, scene / VIEWS)
         (part / ORIGINALS).mkdir()
-        for view in judged.scene.told["doubtful"]:
+        for view in judged.scene.notes["doubtful"]:
             shutil.copyfile(scene / SILHOUETTES / f"{view}.png", part / ORIGINALS / f"{view}.png")
         write_table(part, judged.views, judged.decision, judged.colours)
 

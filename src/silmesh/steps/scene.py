@@ -37,14 +37,14 @@ def main(argv: Sequence[str] | None = None) -> None:
         read_lost(given.silhouettes),
         list(map(str, given.cameras)),
     )
-    write_scene(given.output, made.scene, given.views, made.straightened)
+    write_scene(given.output, made.scene, given.views, made.undistorted)
     for warning in made.attempt.warnings[len(attempts[made.taken].warnings) :]:
         print(f"silmesh: {warning}", file=sys.stderr)
     if len(attempts) > 1:
-        why = made.scene.told["cameras_because"]
+        why = made.scene.notes["cameras_because"]
         print(f"{given.silhouettes}: cameras from {made.attempt.source} are taken. {why}")
     if (mean := made.scene.coherence.mean()) < DOUBTFUL:
-        doubtful = made.scene.told["doubtful"]
+        doubtful = made.scene.notes["doubtful"]
         blamed = f", to be doubted first: {', '.join(doubtful)}" if doubtful else ""
         named = made.attempt.figures.get("file", given.cameras[made.taken])
         print(
