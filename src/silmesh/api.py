@@ -9,9 +9,9 @@ Stages follow one another:
     photographs = silmesh.read_photographs("photos/")
     found = silmesh.find_silhouettes(photographs, masks="masks/")
     scene = silmesh.find_cameras(photographs, found)
-    first = silmesh.initial_mesh(scene)
-    fitted = silmesh.fit(first, scene)
-    mesh, metrics = silmesh.colour(fitted, scene), silmesh.evaluate(fitted, scene, first)
+    initial = silmesh.initial_mesh(scene)
+    fitted = silmesh.fit(initial, scene)
+    mesh, metrics = silmesh.colour(fitted, scene), silmesh.evaluate(fitted, scene, initial)
 
 World   of a scene: normalised, y up, the object in the sphere of radius 0.5 about the origin; of
         what a fit gives: the cameras' own. Cameras are OpenCV's (``silmesh.geometry.camera``).
@@ -102,7 +102,7 @@ class Silhouettes(Found):
 
     Attributes:
         source: ``mask``, ``alpha``, ``threshold``, ``deeplab`` or ``matting``
-        policy: what is done with doubtful ones: ``keep``, ``drop`` or ``repair``
+        policy: what is done with outliers: ``keep``, ``drop`` or ``repair``
     """
 
     source: str = "mask"
@@ -171,7 +171,7 @@ def reconstruct(
         size: side of the working images, in pixels
         init: shape of the initial mesh
         preset: of the fit, ``fast`` or ``softras``
-        quality: what is done with doubtful silhouettes: ``auto``, ``keep``, ``drop``, ``repair``
+        quality: what is done with outliers: ``auto``, ``keep``, ``drop`` or ``repair``
         truth: the true mesh, or its file, in the frame of the cameras; metrics compare with it
         settings: more of the configuration by its sections, as ``{"fit": {"iterations": 300}}``
         progress: is told each stage's name and which share of it is done
@@ -179,18 +179,16 @@ def reconstruct(
     Raises:
         InputError: what is given cannot be used, or no cameras agree with the silhouettes
     """
-    sections = _check_sections(settings or {})
-    sections["views"] = {"size": size, **sections["views"]}
-    sections["init"] = {"shape": init, **sections["init"]}
-    sections["fit"] = {"preset": preset, **sections["fit"]}
-    sections["quality"] = {"policy": quality, **sections["quality"]}
+    named = {"views": {"size": size}, "init": {"shape": init}}
+    named |= {"fit": {"preset": preset}, "quality": {"policy": quality}}
+    sections = _check_sections(settings or {}, named)
     beside = [path for path in (masks, cameras) if isinstance(path, str | Path)]
     files, notes, video = _find_files(photographs, beside)
-    seen = _Seen(files, masks, silhouettes)
-    policy, fewest = _policy(seen.source, sections["quality"])
+    origin = _SilhouetteSource(files, masks, silhouettes)
+    policy, fewest = _policy(origin.source, sections["quality"])
     shown = _read(files, notes, video, sections["views"], policy, fewest, _tell(progress, "views"))
-    network = sections.get(seen.source, {})
-    found = _find_silhouettes(shown, seen, policy, network, _tell(progress, "silhouettes"))
+    network = sections.get(origin.source, {})
+    found = _find_silhouettes(shown, origin, policy, network, _tell(progress, "silhouettes"))
     scene = find_cameras(
         shown,
         found,
@@ -201,15 +199,15 @@ def reconstruct(
         colmap=sections["colmap"],
         progress=_tell(progress, "cameras"),
     )
-    first = initial_mesh(scene, **sections["init"], progress=_tell(progress, "initial mesh"))
-    fitted = fit(first, scene, **sections["fit"], progress=_tell(progress, "fit"))
+    initial = initial_mesh(scene, **sections["init"], progress=_tell(progress, "initial mesh"))
+    fitted = fit(initial, scene, **sections["fit"], progress=_tell(progress, "fit"))
     return Reconstruction(
         colour(fitted, scene),
         fitted.cameras,
         scene.silhouettes,
-        evaluate(fitted, scene, first, truth),
+        evaluate(fitted, scene, initial, truth),
         fitted.records,
-        first,
+        initial,
         scene,
     )
 
@@ -262,9 +260,9 @@ def find_silhouettes(
     Raises:
         InputError: a silhouette cannot be found or used
     """
-    seen = _Seen(photographs.files, masks, source)
-    policy, _ = _policy(seen.source, {"policy": policy})
-    return _find_silhouettes(photographs, seen, policy, settings, progress)
+    origin = _SilhouetteSource(photographs.files, masks, source)
+    policy, _ = _policy(origin.source, {"policy": policy})
+    return _find_silhouettes(photographs, origin, policy, settings, progress)
 
 
 def find_cameras(
@@ -286,7 +284,7 @@ def find_cameras(
             cameras in pixels of the photographs or of the working images, named like these; chosen
             by what the photographs show if not given, and by how far silhouettes agree
         turntable: what is known of it, as for ``reconstruct``
-        fewest: views that must be left where doubtful ones are dropped
+        fewest: views that must be left where outliers are dropped
         calibrate, colmap: of the configuration's sections
         progress: is told which share is done of what takes longest
     Returns:
@@ -420,7 +418,7 @@ def colour(fitted: Fitted, scene: Scene) -> trimesh.Trimesh:
     return trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=colours, process=False)
 
 
-class _Seen:
+class _SilhouetteSource:
     """Where silhouettes come from: the source, and the mask of each photograph or none.
 
     Args:
@@ -490,23 +488,23 @@ def _read(
 
 def _find_silhouettes(
     photographs: Photographs,
-    seen: _Seen,
+    origin: _SilhouetteSource,
     policy: str,
     settings: Mapping[str, Any],
     progress: Share,
 ) -> Silhouettes:
     views = photographs.views
     found = find_each(
-        seen.source,
+        origin.source,
         views,
         photographs.images,
-        seen.masks,
-        _prepare(seen.source, settings),
+        origin.masks,
+        _prepare(origin.source, settings),
         policy != "keep",
         lambda done: progress(done / len(views)),
         torch.get_num_threads(),
     )
-    return Silhouettes(found.silhouettes, found.spared, found.lost, seen.source, policy)
+    return Silhouettes(found.silhouettes, found.spared, found.lost, origin.source, policy)
 
 
 def _prepare(source: str, settings: Mapping[str, Any]) -> Any:
@@ -597,12 +595,12 @@ def _attempt_own(cameras: Cameras, views: Sequence[View]) -> Attempt:
 
 
 def _judge(search: _Search, source: CameraSource, fewest: int) -> Scene:
-    """The scene by one source of cameras, its doubtful views dealt with."""
+    """The scene by one source of cameras, its outliers kept, dropped or repaired."""
     attempts, keep_world = search.attempt(source)
     found, shown = search.found, search.photographs
     made = build_scene(attempts, shown.views, found.silhouettes, keep_world, found.lost)
-    straight = made.undistorted
-    images = {v: straight.image(v, shown.images[v]) for v in made.scene.cameras.views}
+    undistorted = made.undistorted
+    images = {v: undistorted.image(v, shown.images[v]) for v in made.scene.cameras.views}
     whole = replace(made.scene, images=images)
     return judge_scene(whole, found.policy, fewest, keep_world, search.progress).scene
 
@@ -611,12 +609,14 @@ def _tell(progress: Callable[[str, float], None], stage: str) -> Share:
     return lambda share: progress(stage, share)
 
 
-def _check_sections(settings: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """The sections of the configuration by their names, of which each is there."""
+def _check_sections(
+    settings: Mapping[str, Mapping[str, Any]], named: Mapping[str, Mapping[str, Any]]
+) -> dict[str, dict[str, Any]]:
+    """All sections of the configuration: the settings, over those that have arguments' names."""
     for name in settings:
         if name not in SECTIONS:
             raise InputError(f"settings: {name!r} is no section; known are {', '.join(SECTIONS)}")
-    return {name: dict(settings.get(name, {})) for name in SECTIONS}
+    return {name: {**named.get(name, {}), **settings.get(name, {})} for name in SECTIONS}
 
 
 def _check(section: str, values: Mapping[str, Any]) -> Any:
@@ -625,6 +625,6 @@ def _check(section: str, values: Mapping[str, Any]) -> Any:
 
 
 def _policy(source: str, quality: Mapping[str, Any]) -> tuple[str, int]:
-    """What is done with doubtful silhouettes of a source, and how many must be left."""
+    """What is done with outliers among the silhouettes of a source, and how many must be left."""
     chosen = _check("quality", quality)
     return chosen.policy_for(source), chosen.fewest

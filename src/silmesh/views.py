@@ -6,6 +6,7 @@ black; ``stretch`` fills the square, as the report does.
 
 import json
 import re
+import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -205,11 +206,13 @@ def _open_array(path: Path) -> np.ndarray:
 
 def open_image(path: Path | str) -> Image.Image:
     """Open an image of any format that is read; HEIC has a library of its own."""
-    try:
-        return Image.open(path)
-    except UnidentifiedImageError:  # a telephone's HEIC may be called .jpg
-        _learn_heic()
-        return Image.open(path)
+    with warnings.catch_warnings():  # of more than 89 megapixels, which cameras take
+        warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+        try:
+            return Image.open(path)
+        except UnidentifiedImageError:  # a telephone's HEIC may be called .jpg
+            _learn_heic()
+            return Image.open(path)
 
 
 @cache

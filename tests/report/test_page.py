@@ -222,7 +222,7 @@ def test_low_coherence_is_said_in_words_where_it_is_low(page):
 
 
 def test_the_views_to_doubt_are_named(page):
-    assert "The views to doubt first: r5, r&lt;10&gt;." in page
+    assert "Probable outliers: r5, r&lt;10&gt;." in page
 
 
 def test_the_initial_meshes_scores_and_warnings_are_told(page):

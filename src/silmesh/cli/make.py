@@ -80,9 +80,9 @@ def make_mesh(
     _try_outputs(output, page)
     folder, name = place_of(paths, keep)
     try_workspace(folder, OTHER_KEEP if keep else OTHER_CACHE)
-    besides = [output, page, masks, _path_of(cameras), folder]
+    others = [output, page, masks, _path_of(cameras), folder]
     named = _cut_video(paths, folder)
-    files, notes = find_photographs(named, [path for path in besides if path])
+    files, notes = find_photographs(named, [path for path in others if path])
     found, lacking = _find_masks(files, masks, silhouettes)
     known = [] if _path_of(cameras) else find_cameras(files)
     _say(describe_count(files), *notes, *lacking, *known)
@@ -96,19 +96,29 @@ def make_mesh(
         _say(f"the results in {work.folder} are of silmesh {before}; what changed is made anew")
     runner = Runner(work.folder, cores, verbose)
     bar = Bar(len(files), silhouettes)
+    besides = [PAGE] if page else []
     try:
-        variant, tried = _try(
-            work, runner, bar, silhouettes, tries, options, [PAGE] if page else []
-        )
+        variant, tried = _try(work, runner, bar, silhouettes, tries, options, besides)
     finally:
         bar.close()
     export(work.folder / work.result(variant, ""), output)
     if page:
         copy(work.folder / PAGE, page)
+    _say_outcome(work, variant, tried, output, len(find_unread(named, files)))
+
+
+def _say_outcome(
+    work: Workspace, variant: str, tried: Sequence[str], output: Path, unread: int
+) -> None:
+    """Say what a file of cameras was warned of, the quality of the mesh, and what to do about it.
+
+    Args:
+        tried: the sources of cameras that were tried
+        unread: how many photographs are in formats that are not read
+    """
     metrics = _read(work, variant)
     if metrics["cameras"]["source"] == FILE:
-        _say(*(_as_written(warning, tries[0]) for warning in metrics["cameras"]["warnings"]))
-    unread = len(find_unread(named, files))
+        _say(*(_as_written(warning, tried[0]) for warning in metrics["cameras"]["warnings"]))
     doubts = find_doubts(metrics, work.folder / "results", tried, unread)
     click.echo(describe(output, metrics, doubts))
     _say(*(f"doubtful: {doubt}" for doubt in doubts))

@@ -161,7 +161,7 @@ class Run:
 
     @property
     def judged_key(self) -> str:
-        """Names the scene after its doubtful views were dealt with."""
+        """Names the scene after its outliers were kept, dropped or repaired."""
         return f"{self.scene_key}-{self.policy}-{self.settings.quality.fewest}"
 
     @property
@@ -176,7 +176,7 @@ class Run:
 
     @property
     def policy(self) -> str:
-        """What is done with doubtful views: ``keep``, ``drop`` or ``repair``."""
+        """What is done with outliers: ``keep``, ``drop`` or ``repair``."""
         return self.settings.quality.policy
 
     @property

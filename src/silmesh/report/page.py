@@ -162,7 +162,7 @@ def _describe_object(
 ) -> dict[str, Any]:
     """All that the template shows of an object; ``shares``: objects, and bytes of a still."""
     order = list(settings["configuration"]["variants"])
-    told = {variant: run_settings(object_, variant, settings) for variant in results}
+    chosen = {variant: run_settings(object_, variant, settings) for variant in results}
     thinned = {
         name: _thin_gallery(
             gallery,
@@ -187,8 +187,8 @@ def _describe_object(
         "says": f"Loss of {object_} against the iteration: {', '.join(ends)}.",
         "iterations": at,
         "losses": losses,
-        "settings": _align(told),
-        "seconds": _align({v: r.seconds for v, r in results.items()}),
+        "settings": _tabulate(chosen),
+        "seconds": _tabulate({v: r.seconds for v, r in results.items()}),
         "truth": truth is not None and pack(encode_glb(np.asarray(truth.vertices), truth.faces)),
         "truths": [] if truth is None else _tell_truths(results),
         "shown": {name: len(g["views"]) for name, g in thinned.items()},
@@ -214,7 +214,7 @@ def _describe_run(variant: str, result: Result, order: Sequence[str]) -> dict[st
         "values": {m.key: show(metrics.get(m.key), m) for m in METRICS},
         "numbers": {m.key: metrics.get(m.key) for m in METRICS},
         "incoherent": is_incoherent(metrics),
-        "first": describe_first(metrics.get("first", {})),
+        "initial": describe_initial(metrics.get("first", {})),
         "thumbnail": _embed_thumbnail(result.picture),
         "cameras": metrics.get("cameras"),
         "fitted": result.exhibit["fitted"],
@@ -224,7 +224,7 @@ def _describe_run(variant: str, result: Result, order: Sequence[str]) -> dict[st
 
 
 def _group_incoherent(results: Mapping[str, Result]) -> dict[tuple[str, str | None], list[str]]:
-    """The variants of low coherence by their hull IoU and the views that are to be doubted."""
+    """The variants of low coherence, by their hull IoU and their probable outliers."""
     groups: dict[tuple[str, str | None], list[str]] = {}
     for variant, result in results.items():
         if is_incoherent(result.metrics):
@@ -300,10 +300,10 @@ def _name_curves(results: Mapping[str, Result]) -> dict[str, pd.DataFrame]:
     return curves
 
 
-def _align(told: Mapping[str, Mapping[str, Any]]) -> dict[str, list[Any]]:
-    """What is told of variants, a row a key: its values in the order of the variants, or None."""
-    keys = dict.fromkeys(key for values in told.values() for key in values)
-    return {key: [values.get(key) for values in told.values()] for key in keys}
+def _tabulate(columns: Mapping[str, Mapping[str, Any]]) -> dict[str, list[Any]]:
+    """Rows of a table by key: the values of the variants in their order, or None."""
+    keys = dict.fromkeys(key for values in columns.values() for key in values)
+    return {key: [values.get(key) for values in columns.values()] for key in keys}
 
 
 def _describe_scenes(scenes: Mapping[str, Scene], room: int) -> list[dict[str, Any]]:
@@ -345,20 +345,20 @@ def _show_estimates(estimates: Mapping[str, Mapping[str, Any]]) -> list[dict[str
     return rows
 
 
-def describe_first(told: Mapping[str, Any]) -> dict[str, Any]:
+def describe_initial(notes: Mapping[str, Any]) -> dict[str, Any]:
     """What the page says of an initial mesh, from its ``init.json``."""
     return {
-        "shape": told.get("shape"),
+        "shape": notes.get("shape"),
         "scores": {
             shape: [format(score[when], ".4f") for when in ("before", "after")]
-            for shape, score in told.get("scores", {}).items()
+            for shape, score in notes.get("scores", {}).items()
         },
-        "warnings": told.get("warnings", []),
+        "warnings": notes.get("warnings", []),
     }
 
 
 def run_settings(object_: str, variant: str, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """What a run was told: the object's row, and over it what the variant says, by dotted key."""
+    """The settings of a run: the object's row, and over it what the variant says, by dotted key."""
     configuration = settings["configuration"]
     said = {"views": configuration["views"]}
     for layer in (settings["objects"].get(object_, {}), configuration["variants"][variant]):

@@ -1,4 +1,4 @@
-"""The sheet of an object's silhouettes: every photograph with its outline, doubtful ones marked."""
+"""The sheet of an object's silhouettes: every photograph with its outline, outliers marked."""
 
 from collections.abc import Sequence
 
@@ -76,7 +76,7 @@ def _draw_cell(
 
 
 def _lines(cell: Shot) -> list[str]:
-    """What is written below a view: its name, and two lines of what is doubtful."""
+    """What is written below a view: its name, and two lines of why it is an outlier."""
     remark = f"{cell.fate}: {cell.doubt}" if cell.doubt else ""
     return [cell.view[-WORDS:], *_wrap(remark)][:3]
 
