@@ -329,7 +329,20 @@ def test_a_full_silhouette_is_named(bear):
     cameras, seen = bear
     full = seen.copy()
     full[4] = True
-    with pytest.raises(InputError, match="view 'v4' fills its image"):
+    attempt = attempt_calibration(full, cameras.views, step=30)
+    assert attempt.figures["disagreeing"] == {"v4": "it fills its photograph"}
+    assert attempt.warnings[0] == (
+        "the silhouettes of 1 of 12 views disagree with the turntable that the others agree on, "
+        "and had no say: 'v4' (it fills its photograph)"
+    )
+    assert attempt.cameras.views == cameras.views
+
+
+def test_silhouettes_that_fill_most_photographs_are_refused(bear):
+    cameras, seen = bear
+    full = seen.copy()
+    full[:7] = True
+    with pytest.raises(InputError, match="7 of the 12 silhouettes fill their photographs"):
         calibrate(full, cameras.views, step=30)
 
 

@@ -17,7 +17,6 @@ import numpy as np
 import torch
 from scipy.optimize import OptimizeResult
 
-from silmesh.cameras import consensus
 from silmesh.cameras.attempt import CHECK_SERIES, Attempt
 from silmesh.cameras.consensus import Consensus, find_consensus, judge
 from silmesh.cameras.silhouette_coherence import Misses, distance_between, trace
@@ -71,10 +70,13 @@ LATHE = (
 # Root mean square residual, in pixels of a 256-pixel image, from which a person is warned and from
 # which the calibration is refused.
 SUSPECT, REFUSED = 1.0, 4.0
-SHARE = 0.5  # of the views with a silhouette that have to agree on a turntable
+# Views that have to agree on a turntable if others do not: a share of those with a silhouette, and
+# so many. What chosen views agree on has to fit better, too: the residual in pixels as above.
+SHARE, FEWEST_AGREEING, REFUSED_AGREEING = 0.55, 8, 2.0
 # Not all views can agree if the search ends above so many times SUSPECT; all are fitted then only
 # if no views are found that disagree.
 HOPELESS = 2.0
+BETTER_FIT = 0.8  # of the residual of all views, from which the fit of those that agree is taken
 FULL = "it fills its photograph"
 
 
@@ -165,7 +167,7 @@ def calibrate(
     turn = Turntable(outlines, silhouettes.shape[1], aspect, distance, shown)
     given = _Given(len(views), step, elevation, above_table)
     repeated = _find_repeated(silhouettes[shown], named)
-    fewest = max(SHARE * (len(shown) + len(full)), consensus.FEWEST)
+    fewest = max(SHARE * (len(shown) + len(full)), FEWEST_AGREEING)
     fit, verdict = _fit_most(turn, given, fewest, progress)
     progress(1)
     if fit.turn is turn:
@@ -173,7 +175,9 @@ def calibrate(
     wrong = dict(zip(shown, verdict.pixels, strict=True)) if fit.turn is not turn else {}
     disagreeing = {views[i]: FULL for i in full}
     disagreeing |= {
-        views[i]: f"{wrong[i]:.2g} pixels" for i in wrong if not verdict.agrees[list(shown).index(i)]
+        views[i]: f"{wrong[i]:.2g} pixels"
+        for i in wrong
+        if not verdict.agrees[list(shown).index(i)]
     }
     said = [*repeated, *_warn_of_disagreement(disagreeing, views), *_find_cut(turn, named)]
     return _report(fit, given, views, wrong, disagreeing, said)
@@ -278,8 +282,10 @@ def _find_shown(
         )
     boxes = whole_frames(silhouettes) if frames is None else frames
     full = np.array(
-        [s[top:bottom, left:right].all() for s, (left, top, right, bottom) in zip(
-            silhouettes, boxes, strict=True)]
+        [
+            s[top:bottom, left:right].all()
+            for s, (left, top, right, bottom) in zip(silhouettes, boxes, strict=True)
+        ]
     )
     if (shown & ~full).sum() < max(FEWEST_VIEWS, SHARE * shown.sum()):
         names = name_some([repr(views[i]) for i in np.flatnonzero(full)])
@@ -300,27 +306,27 @@ def _fit_most(
     Returns:
         the fit, and how far the views agree if that had to be asked
     """
-    suspect, refused = (limit * turn.size / 256 for limit in (SUSPECT, REFUSED))
+    suspect, allowed = (limit * turn.size / 256 for limit in (SUSPECT, REFUSED_AGREEING))
     starts = _search(turn, given, within(progress, 0, SEARCHED))
     thin = turn.thin()
     cost = thin.cost(np.r_[starts[0][: len(NAMES)], np.zeros(len(thin.index))])
-    hopeless = cost > HOPELESS * suspect
-    fit = None if hopeless else _solve(turn, starts, given, progress)
-    if len(turn.index) < consensus.FEWEST or (fit and fit.rms <= suspect):
+    fit = _solve(turn, starts, given, progress) if cost <= HOPELESS * suspect else None
+    if len(turn.index) < FEWEST_AGREEING or (fit and fit.rms <= suspect):
         return fit or _solve(turn, starts, given, progress), None
     verdict = find_consensus(
         turn,
         lambda sample: _search(sample, given)[0][: len(NAMES)],
         _free(turn, given.known),
-        refused,
+        allowed,
         np.random.default_rng(0),
     )
     if verdict.agrees.sum() >= fewest and not verdict.agrees.all():
         agreeing = np.flatnonzero(verdict.agrees)
         part = turn.alone(agreeing)
         apart = _solve(part, _search(part, given), given)
-        if apart.rms <= suspect:
-            return apart, judge(part.of(turn.outlines, turn.index), apart.best.x, agreeing, refused, True)
+        if apart.rms <= (min(allowed, BETTER_FIT * fit.rms) if fit else allowed):
+            whole = part.of(turn.outlines, turn.index)
+            return apart, judge(whole, apart.best.x, agreeing, allowed, trusting=True)
     return fit or _solve(turn, starts, given, progress), verdict
 
 
@@ -476,8 +482,10 @@ def _refuse_incoherent(fit: _Fit, verdict: Consensus | None, said: Sequence[str]
     raise InputError(
         f"cameras 'calibrate': no turntable explains these silhouettes: at best their "
         f"outlines miss each other by {fit.rms:.2g} pixels (root mean square; at most "
-        f"{allowed:.2g} is accepted)" + (most if verdict else "")
-        + "".join(f"; {s}" for s in said) + CHECK_SERIES
+        f"{allowed:.2g} is accepted)"
+        + (most if verdict else "")
+        + "".join(f"; {s}" for s in said)
+        + CHECK_SERIES
     )
 
 

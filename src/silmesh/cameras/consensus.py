@@ -18,10 +18,11 @@ other view's outline has, since a part that is lacking lies on the outlines of f
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
-from silmesh.cameras.silhouette_coherence import Outlines, find_misses
+from silmesh.cameras.silhouette_coherence import Outlines
 from silmesh.cameras.turntable_residuals import NAMES, Turntable
 
 FEWEST = 6  # views; of fewer none can be told to be wrong
@@ -33,7 +34,7 @@ WRONG = 8  # one judge of so many may be wrong
 ROUNDS, STEPS = 4, 12  # of local optimisation; evaluations of the residuals in each
 NEIGHBOURS = 3  # on each side, between which a silhouette should lie
 # Pixels by which a view may disagree in any case, with some judges unheard, and with all heard.
-LEAST, TRUSTING = 0.35, 0.5
+LEAST, TRUSTING = 0.25, 0.5
 SPREAD, QUANTILE = 3.0, 0.3  # it may by so many times what this share of the views does
 
 
@@ -85,8 +86,9 @@ def find_consensus(
             best = found
         if best.spread <= TIGHT:
             break
-    agreeing = np.flatnonzero(best.agrees)
-    return _refit(turn, best, agreeing, free, limit) if len(agreeing) >= FEWEST else best
+    if best.agrees.sum() < FEWEST:
+        return best
+    return _prune(turn, _refit(turn, best, np.flatnonzero(best.agrees), free, limit), limit)
 
 
 def judge(
@@ -138,7 +140,7 @@ def _draw(suspicion: np.ndarray, random: np.random.Generator | None) -> np.ndarr
     first = 0 if random is None else random.integers(views)
     edges = np.linspace(0, views, parts + 1).round().astype(int)
     sample = []
-    for low, high in zip(edges[:-1], edges[1:], strict=True):
+    for low, high in pairwise(edges):
         part = (first + np.arange(low, high)) % views
         trust = (suspicion[part] + 0.5) ** -2
         one = trust.argmax() if random is None else random.choice(len(part), p=trust / trust.sum())
@@ -165,6 +167,19 @@ def _refit(
     part = turn.select(views).thin()
     start = np.concatenate([found.x, np.zeros(len(part.index))])
     return judge(turn, part.fit(start, free, STEPS).x, views, limit)
+
+
+def _prune(turn: Turntable, found: Consensus, limit: float) -> Consensus:
+    """Judge by all views that agree, and leave out the worst until all do."""
+    agreeing = np.flatnonzero(found.agrees)
+    while len(agreeing) >= FEWEST:
+        strict = judge(turn, found.x, agreeing, limit, trusting=True)
+        pixels = strict.pixels[agreeing]
+        wrong = ~strict.agrees[agreeing] & (pixels > pixels.max() / 2)
+        if not wrong.any():
+            return strict
+        agreeing = agreeing[~wrong]
+    return found
 
 
 def _disagreement(

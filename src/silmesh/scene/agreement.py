@@ -9,9 +9,10 @@ from silmesh.cameras.attempt import TRY_CALIBRATE, Attempt
 from silmesh.errors import InputError
 from silmesh.geometry.camera import Cameras, Similarity
 from silmesh.geometry.silhouette_iou import coherence
-from silmesh.geometry.thresholds import REFUSED
+from silmesh.geometry.thresholds import COHERENT, REFUSED
 from silmesh.geometry.undistortion import Undistorted, undistort
 from silmesh.geometry.visual_hull import carve
+from silmesh.scene.outliers import find_outliers
 from silmesh.scene.scene import find_similarity, refuse_camera_inside
 
 FEWEST = 2  # least number of silhouettes that are not empty
@@ -28,17 +29,20 @@ class Normalised:
         undistorted: how the pictures become those of these cameras
         similarity: from the cameras' own world to it
         coherence: [views], the hull's IoU with each silhouette; 0 where that is empty
+        contradicted: positions of the views whose silhouettes the others contradict: the hull is
+            that of the others
     """
 
     cameras: Cameras
     undistorted: Undistorted
     similarity: Similarity
     coherence: np.ndarray
+    contradicted: tuple[int, ...] = ()
 
     @property
     def mean(self) -> float:
-        """The mean coherence."""
-        return float(self.coherence.mean())
+        """The mean coherence of the views that the others do not contradict."""
+        return float(np.delete(self.coherence, self.contradicted).mean())
 
 
 def find_shown(silhouettes: np.ndarray) -> np.ndarray:
@@ -51,7 +55,8 @@ def normalise(
 ) -> Normalised:
     """Take the cameras' lenses away, normalise their world and measure their coherence.
 
-    The views whose silhouette is empty have no say in it.
+    The views whose silhouette is empty have no say in it. If the coherence is low, those have none
+    either whose silhouettes most others contradict, if the others then are more coherent.
 
     Args:
         cameras: in their own world
@@ -71,12 +76,68 @@ def normalise(
     undistorted = undistort(cameras, silhouettes)
     cameras, silhouettes = undistorted.cameras, undistorted.silhouettes(silhouettes)
     kept, silhouettes = cameras.select(shown), silhouettes[shown]
-    similarity = Similarity.identity() if keep_world else find_similarity(kept, silhouettes)
-    cameras, kept = cameras.in_world_of(similarity), kept.in_world_of(similarity)
+    all_views = np.arange(len(shown))
+    outlined = _find_outlined(silhouettes)
+    found = _measure(kept, silhouettes, outlined, all_views, keep_world, resolution)
+    contradicted = all_views[:0]
+    if found[1].mean() < COHERENT:
+        found, contradicted = _measure_without_outliers(
+            found, kept, silhouettes, keep_world, resolution
+        )
+    similarity, shares = found
+    cameras = cameras.in_world_of(similarity)
     refuse_camera_inside(cameras)
     agreement = np.zeros(len(cameras))
-    agreement[shown] = coherence(carve(silhouettes, kept, resolution), kept, silhouettes)
-    return Normalised(cameras, undistorted, similarity, agreement)
+    agreement[shown] = shares
+    return Normalised(
+        cameras, undistorted, similarity, agreement, tuple(shown[contradicted].tolist())
+    )
+
+
+def _find_outlined(silhouettes: np.ndarray) -> np.ndarray:
+    """Positions of the silhouettes that do not fill their images, if they are the most."""
+    outlined = np.flatnonzero(~silhouettes.all(axis=(1, 2)))
+    return outlined if 2 * len(outlined) > len(silhouettes) else np.arange(len(silhouettes))
+
+
+def _measure(
+    cameras: Cameras,
+    silhouettes: np.ndarray,
+    placing: np.ndarray,
+    carving: np.ndarray,
+    keep_world: bool,
+    resolution: int,
+) -> tuple[Similarity, np.ndarray]:
+    """The world that some views span, and the coherence of all with the hull of some: [views]."""
+    similarity = (
+        Similarity.identity()
+        if keep_world
+        else find_similarity(cameras.select(placing), silhouettes[placing])
+    )
+    cameras = cameras.in_world_of(similarity)
+    hull = carve(silhouettes[carving], cameras.select(carving), resolution)
+    return similarity, coherence(hull, cameras, silhouettes)
+
+
+def _measure_without_outliers(
+    found: tuple[Similarity, np.ndarray],
+    cameras: Cameras,
+    silhouettes: np.ndarray,
+    keep_world: bool,
+    resolution: int,
+) -> tuple[tuple[Similarity, np.ndarray], np.ndarray]:
+    """What ``_measure`` finds without the views that most others contradict, and those.
+
+    If they are none, or the others are no more coherent without them, what was found.
+    """
+    verdict = find_outliers(silhouettes, cameras.in_world_of(found[0]))
+    inliers, outliers = np.array(verdict.inliers, int), np.array(verdict.outliers, int)
+    if verdict.refusal or not len(outliers):
+        return found, outliers[:0]
+    again = _measure(cameras, silhouettes, inliers, inliers, keep_world, resolution)
+    if again[1][inliers].mean() < max(found[1].mean() + NEAR, REFUSED):
+        return found, outliers[:0]
+    return again, outliers
 
 
 def refuse_incoherent(attempt: Attempt, silhouettes: np.ndarray) -> Attempt:
