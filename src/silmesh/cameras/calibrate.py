@@ -172,15 +172,11 @@ def calibrate(
     progress(1)
     if fit.turn is turn:
         _refuse_incoherent(fit, verdict, repeated)
-    wrong = dict(zip(shown, verdict.pixels, strict=True)) if fit.turn is not turn else {}
-    disagreeing = {views[i]: FULL for i in full}
-    disagreeing |= {
-        views[i]: f"{wrong[i]:.2g} pixels"
-        for i in wrong
-        if not verdict.agrees[list(shown).index(i)]
-    }
+        verdict = None
+    disagreeing = {views[i]: FULL for i in full} | _name_disagreeing(verdict, named)
     said = [*repeated, *_warn_of_disagreement(disagreeing, views), *_find_cut(turn, named)]
-    return _report(fit, given, views, wrong, disagreeing, said)
+    pixels = {} if verdict is None else dict(zip(shown, verdict.pixels, strict=True))
+    return _report(fit, given, views, pixels, disagreeing, said)
 
 
 def calibrate_views(
@@ -463,6 +459,14 @@ def _find_cut(turn: Turntable, views: Sequence[str]) -> list[str]:
     return [f"the frame cuts the object in {len(cut)} of {len(views)} views: {names}"]
 
 
+def _name_disagreeing(verdict: Consensus | None, views: Sequence[str]) -> dict[str, str]:
+    """The views that disagree, and by how much."""
+    if verdict is None:
+        return {}
+    judged = zip(views, verdict.pixels, verdict.agrees, strict=True)
+    return {v: f"it disagrees by {pixels:.2g} pixels" for v, pixels, agrees in judged if not agrees}
+
+
 def _warn_of_disagreement(disagreeing: dict[str, str], views: Sequence[str]) -> list[str]:
     if not disagreeing:
         return []
@@ -493,18 +497,18 @@ def _report(
     fit: _Fit,
     given: _Given,
     views: Sequence[str],
-    wrong: dict[int, float],
+    pixels: dict[int, float],
     disagreeing: dict[str, str],
     said: Sequence[str],
 ) -> Calibration:
-    """What was found; ``wrong`` is by how much each view disagrees, if that had to be asked."""
+    """What was found; ``pixels`` says by how much views disagree, if that had to be asked."""
     turn, best, misses, count = fit.turn, fit.best, fit.misses, len(views)
     *camera, own = turn.cameras_at(best.x, count)
     alike = distance_between(turn.outlines) < ALIKE
     free = _free(turn, given.known, offsets=bool(own.any()))
     estimates = _estimate(turn, best, misses, given.known, free, alike)
     view_rms = np.zeros(count)
-    view_rms[list(wrong)] = list(wrong.values())
+    view_rms[list(pixels)] = list(pixels.values())
     view_rms[turn.index] = [
         _root_mean_square(r[k]) if k.any() else 0.0
         for r, k in zip(misses.pixels, turn.outlines.known, strict=True)

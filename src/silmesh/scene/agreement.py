@@ -149,11 +149,13 @@ def refuse_incoherent(attempt: Attempt, silhouettes: np.ndarray) -> Attempt:
     if attempt.cameras is None:
         return attempt
     try:
-        mean = normalise(attempt.cameras, silhouettes).mean
+        normalised = normalise(attempt.cameras, silhouettes)
     except InputError as error:
         why = f"cameras {attempt.source!r}: {error}"
         return replace(attempt, cameras=None, refusal=why)
-    attempt = replace(attempt, figures={**attempt.figures, "coherence": mean})
+    mean, views = normalised.mean, attempt.cameras.views
+    figures = {"coherence": mean, "contradicted": [views[i] for i in normalised.contradicted]}
+    attempt = replace(attempt, figures={**attempt.figures, **figures})
     if mean >= REFUSED:
         return attempt
     why = (

@@ -54,7 +54,7 @@ class Verdict:
         return [i for i, reason in enumerate(self.reasons) if not reason]
 
     def explain(self, lost: Mapping[int, str]) -> "Verdict":
-        """The same verdict, with known reasons for the empty silhouettes at these positions."""
+        """The same verdict, with known reasons why the silhouettes at these positions are wrong."""
         return replace(self, reasons=[lost.get(i, reason) for i, reason in enumerate(self.reasons)])
 
 
