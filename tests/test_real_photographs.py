@@ -12,7 +12,7 @@ from silmesh.geometry.mesh_files import to_tensors
 from silmesh.geometry.silhouette_iou import coherence
 from silmesh.geometry.visual_hull import carve
 from silmesh.naming import match_masks
-from silmesh.scene.agreement import place
+from silmesh.scene.agreement import normalise
 from silmesh.scene.conventions import settle
 from silmesh.scene.scene import find_similarity
 from silmesh.settings.fit import SoftRasFit
@@ -139,4 +139,4 @@ def test_cameras_of_other_programs_agree_with_masks(
     attempt = attempt_from_file(data / name / file, placed)
     assert len(attempt.cameras) == views
     seen = read_silhouettes(tmp_path / "silhouettes", attempt.cameras.views)
-    assert place(attempt.cameras, seen).mean >= coherent
+    assert normalise(attempt.cameras, seen).mean >= coherent

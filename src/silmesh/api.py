@@ -51,7 +51,7 @@ from silmesh.settings.check import check
 from silmesh.settings.fit import Fit, SoftRasFit
 from silmesh.settings.init import Init
 from silmesh.settings.quality import Quality
-from silmesh.settings.silhouettes import FOREGROUND_MODELS, Networks
+from silmesh.settings.silhouettes import FOREGROUND_MODELS, Networks, check_source
 from silmesh.settings.views import Views
 from silmesh.shapes.initial import Initial, make_initial_mesh
 from silmesh.silhouettes import Found
@@ -101,7 +101,7 @@ class Silhouettes(Found):
     """The silhouettes of all photographs, and where they come from.
 
     Attributes:
-        source: ``mask``, ``alpha``, ``threshold``, ``deeplab`` or ``matting``
+        source: ``mask``, ``alpha``, ``threshold``, a network, or ``path/to/file.py:function``
         policy: what is done with outliers: ``keep``, ``drop`` or ``repair``
     """
 
@@ -166,11 +166,12 @@ def reconstruct(
             beside these if not given
         cameras: ``calibrate``, ``colmap``, ``auto``, ``turntable`` (known), a file or folder of
             cameras, or cameras of the photographs; chosen by what the photographs show if not given
-        silhouettes: ``mask``, ``alpha``, ``threshold``, ``matting`` or ``deeplab``; likewise
+        silhouettes: ``mask``, ``alpha``, ``threshold``, ``matting``, ``deeplab``, or a function of
+            your own as ``path/to/file.py:function`` (``docs/extending.md``); chosen likewise
         turntable: what is known of it, ``distance,elevation,step`` in scene units and degrees
         size: side of the working images, in pixels
-        init: shape of the initial mesh
-        preset: of the fit, ``fast`` or ``softras``
+        init: shape of the initial mesh, or a function of your own
+        preset: of the fit, ``fast`` or ``softras``, or a function of your own
         quality: what is done with outliers: ``auto``, ``keep``, ``drop`` or ``repair``
         truth: the true mesh, or its file, in the frame of the cameras; metrics compare with it
         settings: more of the configuration by its sections, as ``{"fit": {"iterations": 300}}``
@@ -250,8 +251,7 @@ def find_silhouettes(
 
     Args:
         masks: a folder, a glob or files, as for ``reconstruct``
-        source: ``mask``, ``alpha``, ``threshold``, ``matting`` or ``deeplab``; chosen by what the
-            photographs show if not given
+        source: as ``silhouettes`` of ``reconstruct``
         policy: ``keep`` refuses a silhouette that cannot be used; ``drop`` and ``repair`` let it be
             empty; ``auto`` is as for ``reconstruct``
         progress: is told which share is done
@@ -319,7 +319,7 @@ def initial_mesh(
     Args:
         scene: that it is for
         shape: ``sphere``, ``ellipsoid``, ``cylinder``, ``cube``, ``prism``, ``hull``, or ``auto``,
-            which tries all but the sphere
+            which tries all but the sphere; or a function of your own
         progress: is told which share of the trials of ``auto`` is done
         settings: more of the configuration's section ``init``
 
@@ -352,7 +352,8 @@ def fit(
     Args:
         mesh: at unit size, closed; your own, or an initial mesh
         scene: from ``find_cameras``
-        preset: ``fast``: ours; ``softras``: the report's procedure to the letter
+        preset: ``fast``: ours; ``softras``: the report's procedure to the letter; or a function of
+            your own
         progress: is told which share of the steps is done
         watch: is told the losses before each step
         settings: more of the configuration's section ``fit``
@@ -384,8 +385,8 @@ def evaluate(
         fitted: by ``fit``
         scene: that it was fitted to
         initial: of which the metrics say how it was made
-        truth: the true mesh, or its file, in the frame of the cameras; the mesh is first laid on it
-            where the cameras were found from the photographs
+        truth: the true mesh, or its file, in the frame of the cameras; the mesh is first registered
+            with it if the cameras were found from the photographs
 
     Raises:
         InputError: the truth cannot be read
@@ -428,6 +429,8 @@ class _SilhouetteSource:
     """
 
     def __init__(self, files: Sequence[Path], masks: Paths | None, source: str | None):
+        if source is not None:
+            check_source(source)
         if masks is not None and source not in (None, "mask"):
             raise InputError(
                 f"masks {masks}: silhouettes {source!r} take no masks; leave one of the two out"

@@ -25,10 +25,12 @@ from silmesh.reading import open_array
 
 MANIFEST = "views.json"
 # Formats as Pillow calls them.
-ANIMATED = ("PNG", "WEBP", "TIFF", "AVIF")  # may have more frames
-PROGRAMS = ("EPS", "WMF")  # Pillow has another program run them
-SMALL, PACKED = 10_000_000, 8 * 1032  # pixels; pixels a byte, of one bit each and all alike
-GROUND = 124  # grey of the working image of a photograph that cannot be read
+ANIMATED = ("PNG", "WEBP", "TIFF", "AVIF")  # formats that may have several frames
+PROGRAMS = ("EPS", "WMF")  # formats that are programs, which Pillow has another program run
+# Images of more than SMALL pixels may have at most PACKED pixels a byte of their file, which is
+# what deflate reaches for equal pixels of one bit.
+SMALL, PACKED = 10_000_000, 8 * 1032
+GROUND = 124  # grey level of the working image of a photograph that cannot be read
 
 
 @dataclass(frozen=True)

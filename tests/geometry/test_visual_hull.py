@@ -148,7 +148,7 @@ def test_the_view_to_doubt_is_the_one_that_cuts_off_what_no_other_does(ball):
     assert find_outlier_views(wrong, cameras) == [7]
 
 
-def test_of_an_empty_hull_those_are_doubted_that_empty_it():
+def test_of_an_empty_hull_those_are_outliers_that_empty_it():
     cameras = turntable(8, SIZE)
     seen = silhouettes(cameras, [0.15] * 3, [0, 0.2, 0])
     low = silhouettes(cameras, [0.15] * 3, [0, -0.2, 0])

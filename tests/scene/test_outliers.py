@@ -20,14 +20,14 @@ def without_upper_half(seen, views):
         seen[i, : int(np.median(rows))] = False
 
 
-def test_good_silhouettes_are_not_doubted(scene):
+def test_good_silhouettes_are_inliers(scene):
     verdict = find_outliers(*scene)
     assert verdict.reasons == [""] * COUNT
     assert verdict.refusal is None
     assert max(row["unexplained"] for row in verdict.rows) < 0.1
 
 
-def test_a_plate_beside_the_object_is_doubted(scene):
+def test_a_plate_beside_the_object_makes_an_outlier(scene):
     seen, cameras = scene[0].copy(), scene[1]
     bad = [1, 2, 3, 4, 15, 16, 17]
     for i in bad:
@@ -38,7 +38,7 @@ def test_a_plate_beside_the_object_is_doubted(scene):
 
 
 @pytest.mark.parametrize("bad", [[7], [2, 9, 20], [0, 3, 8, 13, 18, 21]])
-def test_a_lacking_half_is_doubted_and_not_the_views_that_show_it(scene, bad):
+def test_a_view_that_lacks_a_half_is_an_outlier_and_not_those_that_show_it(scene, bad):
     seen, cameras = scene[0].copy(), scene[1]
     without_upper_half(seen, bad)
     verdict = find_outliers(seen, cameras)
@@ -46,7 +46,7 @@ def test_a_lacking_half_is_doubted_and_not_the_views_that_show_it(scene, bad):
     assert "lacks" in verdict.reasons[bad[0]]
 
 
-def test_an_empty_silhouette_is_doubted_and_has_no_say(scene):
+def test_an_empty_silhouette_is_an_outlier_without_a_vote(scene):
     seen, cameras = scene[0].copy(), scene[1]
     seen[5] = False
     verdict = find_outliers(seen, cameras)

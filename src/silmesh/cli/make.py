@@ -80,12 +80,8 @@ def make_mesh(
     _try_outputs(output, page)
     folder, name = place_of(paths, keep)
     try_workspace(folder, OTHER_KEEP if keep else OTHER_CACHE)
-    others = [output, page, masks, _path_of(cameras), folder]
     named = _cut_video(paths, folder)
-    files, notes = find_photographs(named, [path for path in others if path])
-    found, lacking = _find_masks(files, masks, silhouettes)
-    known = [] if _path_of(cameras) else find_cameras(files)
-    _say(describe_count(files), *notes, *lacking, *known)
+    files, found = _find_inputs(named, masks, silhouettes, cameras, (output, page, folder))
     silhouettes, tries = _choose(files, found, silhouettes, cameras)
     if silhouettes == MASK:
         refuse_labels(found)
@@ -174,6 +170,27 @@ def _cut_video(paths: Sequence[Path], folder: Path) -> Sequence[Path]:
     claim(folder)
     _say(f"{paths[0]}: is a video; the sharpest pictures are taken from it")
     return cut(paths[0], folder / VIDEO / "frames")
+
+
+def _find_inputs(
+    named: Sequence[Path],
+    masks: Path | None,
+    silhouettes: str | None,
+    cameras: str | None,
+    others: Sequence[Path | None],
+) -> tuple[list[Path], list[Path]]:
+    """The photographs and their masks, if these are wanted; says what lies there and is not used.
+
+    Args:
+        named: a folder, or files
+        others: what else is named, which is no photograph that was overlooked
+    """
+    besides = [path for path in (*others, masks, _path_of(cameras)) if path]
+    files, notes = find_photographs(named, besides)
+    found, lacking = _find_masks(files, masks, silhouettes)
+    known = [] if _path_of(cameras) else find_cameras(files)
+    _say(describe_count(files), *notes, *lacking, *known)
+    return files, found
 
 
 def _find_masks(
@@ -293,15 +310,23 @@ def _configure(
     file = _path_of(cameras)
     where = f"{kind}:{usable(file.absolute())}" if file else cameras
     variant = kind if kind.isidentifier() else "mesh"
-    # The workflow runs in another folder.
-    init = str(Path(options["init"]).absolute()) if own_file(options["init"]) else options["init"]
-    row = {"silhouettes": silhouettes, "cameras": where, "turntable": options["turntable"]}
+    init, preset = _from_anywhere(options["init"]), _from_anywhere(options["preset"])
+    row = {
+        "silhouettes": _from_anywhere(silhouettes),
+        "cameras": where,
+        "turntable": options["turntable"],
+    }
     values = {
         "views": {"size": options["size"]},
         "quality": {"policy": options["quality"]},
-        "variants": {variant: {"init": {"shape": init}, "fit": {"preset": options["preset"]}}},
+        "variants": {variant: {"init": {"shape": init}, "fit": {"preset": preset}}},
     }
     return variant, row, values
+
+
+def _from_anywhere(method: str) -> str:
+    """A method's name, the path of a person's own made absolute: the workflow runs elsewhere."""
+    return str(Path(method).absolute()) if own_file(method) else method
 
 
 def _as_written(said: str, cameras: str) -> str:

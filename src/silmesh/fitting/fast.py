@@ -21,12 +21,12 @@ from silmesh.fitting.image_pyramid import PyramidLevel, build_pyramid
 from silmesh.fitting.loop import refuse_not_finite
 from silmesh.fitting.losses import Objective
 from silmesh.fitting.placement import move_to_silhouettes
+from silmesh.fitting.renderers import find_renderer
 from silmesh.fitting.smooth import Smooth, UniformAdam
 from silmesh.fitting.untangle import untangle
 from silmesh.geometry.camera import INITIAL_SCALE, Cameras
 from silmesh.geometry.remeshing import even_length, remesh
 from silmesh.settings.fit import FastFit
-from silmesh.softras import soft_silhouettes
 
 PRIOR = 0.01  # weight of the prior of the camera corrections in the loss
 CAMERA_STEP = 0.1  # learning rate of the corrections, in standard deviations of their prior
@@ -101,6 +101,7 @@ class Fast:
         weights: Tensor | None = None,
     ):
         self._settings, self._weights = settings, weights
+        self._render = find_renderer(settings.renderer)
         sigma = settings.sigma_at(silhouettes.shape[-1])
         self._levels = build_pyramid(cameras, silhouettes, sigma, settings.coarse_to_fine)
         self._batches = math.ceil(len(cameras) / (settings.batch or len(cameras)))
@@ -155,7 +156,7 @@ class Fast:
         index, verts = self._choose(), self._smooth(self._state.u)
         cameras = level.scale_cameras(self._cameras(index))
         silhouettes = level.silhouettes[index]
-        alpha = soft_silhouettes(
+        alpha = self._render(
             cameras.project(verts), self.faces, tuple(silhouettes.shape[1:]), sigma=level.sigma
         )
         weights = None if self._weights is None else self._weights[index]

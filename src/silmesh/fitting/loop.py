@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Callable
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, fields
 from functools import partial
 from typing import Protocol
 
@@ -28,6 +28,9 @@ class Record:
     laplacian: float
     flatten: float
     seconds: float
+
+
+LOSSES = {field.name for field in fields(Record)} - {"iteration", "seconds"}
 
 
 class NotFinite(Exception):  # noqa: N818
@@ -88,6 +91,7 @@ def run(
             del records[good["steps"] :]
             here = good
             continue
+        _refuse_other(losses)
         seconds = time.perf_counter() - start
         records.append(Record(iteration=len(records), seconds=seconds, **losses))
         watch(records[-1])
@@ -95,6 +99,16 @@ def run(
         if checkpoint:
             checkpoint.offer(partial(_gather, here, records))
     return records
+
+
+def _refuse_other(losses: dict[str, float]) -> None:
+    """Refuse losses under other names, as a procedure of a person's own may give."""
+    if not isinstance(losses, dict) or losses.keys() != LOSSES:
+        gives = ", ".join(losses) if isinstance(losses, dict) else type(losses).__name__
+        raise InputError(
+            f"fit.preset: a step gives {gives or 'nothing'}; should give "
+            f"{', '.join(sorted(LOSSES))}"
+        )
 
 
 def _go_on(fit: Procedure, checkpoint: Checkpoint | None) -> list[Record]:

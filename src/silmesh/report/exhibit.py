@@ -16,7 +16,7 @@ from silmesh.report.packing import encode_glb, pack
 from silmesh.report.rings import frusta_of, look_ahead
 from silmesh.softras.batches import render_views
 
-DIGITS = 3  # of the cameras' places, in units of the normalised world
+DIGITS = 3  # decimals of the cameras' positions, in units of the normalised world
 
 
 def describe_exhibit(

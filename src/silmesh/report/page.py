@@ -273,13 +273,13 @@ def _tell_truths(results: Mapping[str, Result]) -> list[int]:
 def _place_truth(result: Result) -> list[float]:
     """The matrix from the truth's world to the normalised one, a column after another, [16].
 
-    Metrics say how the mesh was laid on the truth, scale R X + t, if it was. The truth of a
+    Metrics hold the registration with the truth, scale R X + t, if there was one. The truth of a
     left-handed world is mirrored first.
     """
     move = np.eye(4)
-    if (laid := result.metrics.get("placement")) is not None:
-        move[:3, :3] = laid["scale"] * np.array(laid["R"])
-        move[:3, 3] = laid["t"]
+    if (found := result.metrics.get("placement")) is not None:
+        move[:3, :3] = found["scale"] * np.array(found["R"])
+        move[:3, 3] = found["t"]
     normalise = np.eye(4) * result.scene.notes["scale"]
     normalise[:3, 3] = -result.scene.notes["scale"] * np.array(result.scene.notes["centre"])
     normalise[3, 3] = 1

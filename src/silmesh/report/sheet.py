@@ -18,7 +18,7 @@ from silmesh.report.pictures import (
 
 CELL, GAP, COLUMNS = 176, 8, 6  # pixels, and cells in a row
 LINE, FIRST = 13, 18  # pixels of a further line of text, and of the first
-AROUND = 1.3  # of what all silhouettes cover: how large a part of the photographs is shown
+AROUND = 1.3  # size of the part that is shown over that of the box around all silhouettes
 MARK, BEFORE = (200, 40, 40), (240, 130, 30)
 WORDS = 27  # letters in a line under a cell
 

@@ -34,7 +34,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         scene.silhouettes,
         scene.cameras,
         trial_with(given.trial),
-        share_of(f"first {given.output}"),
+        share_of(f"initial {given.output}"),
         scene.notes["frame"],
     )
     for warning in initial.notes["warnings"]:
