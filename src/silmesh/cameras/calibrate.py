@@ -322,7 +322,9 @@ def _fit_most(
         apart = _solve(part, _search(part, given), given)
         if apart.rms <= (min(allowed, BETTER_FIT * fit.rms) if fit else allowed):
             whole = part.of(turn.outlines, turn.index)
-            return apart, judge(whole, apart.best.x, agreeing, allowed, trusting=True)
+            strict = judge(whole, apart.best.x, agreeing, allowed, trusting=True)
+            if strict.agrees.sum() >= fewest:
+                return apart, strict
     return fit or _solve(turn, starts, given, progress), verdict
 
 
@@ -464,7 +466,8 @@ def _name_disagreeing(verdict: Consensus | None, views: Sequence[str]) -> dict[s
     if verdict is None:
         return {}
     judged = zip(views, verdict.pixels, verdict.agrees, strict=True)
-    return {v: f"it disagrees by {pixels:.2g} pixels" for v, pixels, agrees in judged if not agrees}
+    wrong = {str(view): pixels for view, pixels, agrees in judged if not agrees}
+    return {view: f"it disagrees by {pixels:.2g} pixels" for view, pixels in wrong.items()}
 
 
 def _warn_of_disagreement(disagreeing: dict[str, str], views: Sequence[str]) -> list[str]:

@@ -18,6 +18,7 @@ from silmesh.scene.scene import find_similarity, refuse_camera_inside
 FEWEST = 2  # least number of silhouettes that are not empty
 # Of attempts whose hull IoU differs by less than this, the one with the most views is taken.
 NEAR = 0.02
+ROUNDS = 4  # of looking for outliers among the views that are left
 
 
 @dataclass(frozen=True)
@@ -31,6 +32,7 @@ class Normalised:
         coherence: [views], the hull's IoU with each silhouette; 0 where that is empty
         contradicted: positions of the views whose silhouettes the others contradict: the hull is
             that of the others
+        empty: positions of the views whose silhouette is empty
     """
 
     cameras: Cameras
@@ -38,11 +40,12 @@ class Normalised:
     similarity: Similarity
     coherence: np.ndarray
     contradicted: tuple[int, ...] = ()
+    empty: tuple[int, ...] = ()
 
     @property
     def mean(self) -> float:
-        """The mean coherence of the views that the others do not contradict."""
-        return float(np.delete(self.coherence, self.contradicted).mean())
+        """The mean coherence of the views that say something and are not contradicted."""
+        return float(np.delete(self.coherence, [*self.contradicted, *self.empty]).mean())
 
 
 def find_shown(silhouettes: np.ndarray) -> np.ndarray:
@@ -89,8 +92,10 @@ def normalise(
     refuse_camera_inside(cameras)
     agreement = np.zeros(len(cameras))
     agreement[shown] = shares
+    empty = np.setdiff1d(np.arange(len(cameras)), shown)
+    outliers = shown[contradicted]
     return Normalised(
-        cameras, undistorted, similarity, agreement, tuple(shown[contradicted].tolist())
+        cameras, undistorted, similarity, agreement, tuple(outliers.tolist()), tuple(empty.tolist())
     )
 
 
@@ -128,16 +133,24 @@ def _measure_without_outliers(
 ) -> tuple[tuple[Similarity, np.ndarray], np.ndarray]:
     """What ``_measure`` finds without the views that most others contradict, and those.
 
-    If they are none, or the others are no more coherent without them, what was found.
+    In rounds, since the worst outliers hide others. Views are left out only if the rest is more
+    coherent without them, and they are fewer than half.
     """
-    verdict = find_outliers(silhouettes, cameras.in_world_of(found[0]))
-    inliers, outliers = np.array(verdict.inliers, int), np.array(verdict.outliers, int)
-    if verdict.refusal or not len(outliers):
-        return found, outliers[:0]
-    again = _measure(cameras, silhouettes, inliers, inliers, keep_world, resolution)
-    if again[1][inliers].mean() < max(found[1].mean() + NEAR, REFUSED):
-        return found, outliers[:0]
-    return again, outliers
+    everyone = np.arange(len(silhouettes))
+    inliers, best = everyone, found[1].mean()
+    for _ in range(ROUNDS):
+        verdict = find_outliers(silhouettes[inliers], cameras.select(inliers).in_world_of(found[0]))
+        left = inliers[verdict.inliers]
+        if verdict.refusal or not verdict.outliers or 2 * len(left) <= len(everyone):
+            break
+        again = _measure(cameras, silhouettes, left, left, keep_world, resolution)
+        mean = again[1][left].mean()
+        if mean < best + NEAR:
+            break
+        found, inliers, best = again, left, mean
+        if best >= COHERENT:
+            break
+    return found, np.setdiff1d(everyone, inliers)
 
 
 def refuse_incoherent(attempt: Attempt, silhouettes: np.ndarray) -> Attempt:
