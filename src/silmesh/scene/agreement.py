@@ -1,6 +1,6 @@
 """How well cameras agree with silhouettes, and which of several attempts is taken."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +18,7 @@ from silmesh.scene.scene import find_similarity, refuse_camera_inside
 FEWEST = 2  # least number of silhouettes that are not empty
 # Of attempts whose hull IoU differs by less than this, the one with the most views is taken.
 NEAR = 0.02
-ROUNDS = 4  # of looking for outliers among the views that are left
+ROUNDS = 2  # of looking for outliers among the views that are left
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,11 @@ def find_shown(silhouettes: np.ndarray) -> np.ndarray:
 
 
 def normalise(
-    cameras: Cameras, silhouettes: np.ndarray, keep_world: bool = False, resolution: int = 128
+    cameras: Cameras,
+    silhouettes: np.ndarray,
+    keep_world: bool = False,
+    resolution: int = 128,
+    suspects: Collection[str] = (),
 ) -> Normalised:
     """Take the cameras' lenses away, normalise their world and measure their coherence.
 
@@ -66,6 +70,7 @@ def normalise(
         silhouettes: [views, height, width] bool, of the cameras' views
         keep_world: it is normalised already
         resolution: of the hull, as ``carve`` takes it
+        suspects: views that the cameras' source names as contradicted, left out first
 
     Raises:
         InputError: the cameras do not look at one object, or fewer than two silhouettes show it
@@ -85,7 +90,7 @@ def normalise(
     contradicted = all_views[:0]
     if found[1].mean() < COHERENT:
         found, contradicted = _measure_without_outliers(
-            found, kept, silhouettes, keep_world, resolution
+            found, kept, silhouettes, keep_world, resolution, suspects
         )
     similarity, shares = found
     cameras = cameras.in_world_of(similarity)
@@ -130,6 +135,7 @@ def _measure_without_outliers(
     silhouettes: np.ndarray,
     keep_world: bool,
     resolution: int,
+    suspects: Collection[str],
 ) -> tuple[tuple[Similarity, np.ndarray], np.ndarray]:
     """What ``_measure`` finds without the views that most others contradict, and those.
 
@@ -138,6 +144,11 @@ def _measure_without_outliers(
     """
     everyone = np.arange(len(silhouettes))
     inliers, best = everyone, found[1].mean()
+    left = np.array([i for i in everyone if cameras.views[i] not in suspects])
+    if FEWEST <= len(left) < len(everyone):
+        again = _measure(cameras, silhouettes, left, left, keep_world, resolution)
+        if again[1][left].mean() >= max(COHERENT, best):
+            return again, np.setdiff1d(everyone, left)
     for _ in range(ROUNDS):
         verdict = find_outliers(silhouettes[inliers], cameras.select(inliers).in_world_of(found[0]))
         left = inliers[verdict.inliers]

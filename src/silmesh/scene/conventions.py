@@ -103,7 +103,8 @@ def settle(
             silhouettes contradict them; the message names the convention that would fit
     """
     if attempt.source != FILE or keep_world or len(find_shown(silhouettes)) < FEWEST:
-        return attempt, normalise(attempt.cameras, silhouettes, keep_world)
+        suspects = attempt.figures.get("disagreeing", ())
+        return attempt, normalise(attempt.cameras, silhouettes, keep_world, suspects=suspects)
     faced = _face(attempt, silhouettes)
     normalised, why = _try_to_normalise(faced, silhouettes)
     mean = normalised.mean if normalised else 0.0
