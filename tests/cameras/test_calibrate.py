@@ -329,7 +329,82 @@ def test_a_full_silhouette_is_named(bear):
     cameras, seen = bear
     full = seen.copy()
     full[4] = True
-    with pytest.raises(InputError, match="view 'v4' fills its image"):
+    attempt = attempt_calibration(full, cameras.views, step=30)
+    assert attempt.figures["disagreeing"] == {"v4": "it fills its photograph"}
+    assert attempt.warnings[0] == (
+        "the silhouettes of 1 of 12 views disagree with the turntable that the others agree on, "
+        "and had no say: 'v4' (it fills its photograph)"
+    )
+    assert attempt.cameras.views == cameras.views
+
+
+def bite(seen: np.ndarray, share: float, at: int) -> np.ndarray:
+    """The silhouette without a disc about a pixel of its outline that holds a share of it."""
+    rows, columns = np.nonzero(seen)
+    edge = np.argmax(columns) if at % 2 else np.argmin(columns)
+    distance = np.hypot(rows - rows[edge], columns - columns[edge])
+    gone = np.argsort(distance)[: round(share * len(rows))]
+    out = seen.copy()
+    out[rows[gone], columns[gone]] = False
+    return out
+
+
+@pytest.fixture(scope="module")
+def plane():
+    """24 views of the plane."""
+    cameras = stand(15 * np.arange(24), elevation=17, size=96)
+    return cameras, render("plane", cameras)
+
+
+def assert_found(found, cameras, elevation):
+    assert found.estimates["axis"].value == pytest.approx(axis_at(cameras, found.row), abs=0.5)
+    assert found.estimates["elevation"].value == pytest.approx(elevation, abs=1)
+    assert found.estimates["step"].value > 0
+
+
+def test_bitten_silhouettes_have_no_say_and_are_named(plane):
+    cameras, seen = plane
+    bitten, wrong = seen.copy(), [2, 3, 9, 16, 21]
+    for i in wrong:
+        bitten[i] = bite(seen[i], 0.15, i)
+    found = calibrate(bitten, cameras.views, step=15)
+    assert_found(found, cameras, 17)
+    assert list(found.disagreeing) == [f"v{i}" for i in wrong]
+    assert found.rms < 0.4
+    assert found.view_rms[wrong].min() > 2 * np.delete(found.view_rms, wrong).max()
+    assert found.cameras.views == cameras.views
+    assert found.warnings[0].startswith("the silhouettes of 5 of 24 views disagree")
+    assert f"'v2' (it disagrees by {found.view_rms[2]:.2g} pixels)" in found.warnings[0]
+
+
+def test_wrong_silhouettes_are_named_and_empty_ones_are_not(plane):
+    cameras, seen = plane
+    swapped, other = seen.copy(), render("pot", cameras)
+    swapped[[1, 12, 18]] = other[[1, 12, 18]]
+    swapped[6], swapped[14] = True, False
+    found = calibrate(swapped, cameras.views, step=15)
+    assert_found(found, cameras, 17)
+    assert set(found.disagreeing) == {"v1", "v6", "v12", "v18"}
+    assert found.disagreeing["v6"] == "it fills its photograph"
+    assert found.view_rms[14] == 0
+
+
+def test_no_view_of_a_sound_turntable_disagrees(found):
+    assert found.disagreeing == {}
+
+
+def test_views_that_most_contradict_are_refused_with_how_many_agree(plane):
+    cameras, seen = plane
+    order = np.random.default_rng(2).permutation(24)
+    with pytest.raises(InputError, match=r"no turntable explains more than \d+ of the 24"):
+        calibrate(seen[order], cameras.views, step=15)
+
+
+def test_silhouettes_that_fill_most_photographs_are_refused(bear):
+    cameras, seen = bear
+    full = seen.copy()
+    full[:7] = True
+    with pytest.raises(InputError, match="7 of the 12 silhouettes fill their photographs"):
         calibrate(full, cameras.views, step=30)
 
 

@@ -49,6 +49,27 @@ def test_an_empty_silhouette_has_no_say(ring):
     assert refuse_incoherent(Attempt("colmap", ring[0]), seen).cameras is not None
 
 
+def test_a_full_silhouette_does_not_sink_the_cameras(ring):
+    seen = ring[1].copy()
+    seen[4] = True
+    found = normalise(ring[0], seen)
+    assert found.mean > 0.9
+    assert found.similarity.scale == pytest.approx(normalise(*ring).similarity.scale, rel=0.02)
+
+
+def test_views_that_most_others_contradict_have_no_say_about_cameras():
+    cameras = turntable(24, SIZE, elevation=15)
+    seen = silhouettes(cameras, AXES, CENTRE)
+    wrong = [3, 10, 17]
+    seen[wrong] = np.roll(seen[wrong], 18, axis=1)  # far too low
+    found = normalise(cameras, seen)
+    assert found.contradicted == tuple(wrong)
+    assert found.mean > 0.95 > found.coherence[wrong].max()
+    attempt = refuse_incoherent(Attempt("colmap", cameras), seen)
+    assert attempt.cameras is not None
+    assert attempt.figures["contradicted"] == [cameras.views[i] for i in wrong]
+
+
 def test_one_silhouette_alone_places_nothing(ring):
     seen = ring[1].copy()
     seen[1:] = False

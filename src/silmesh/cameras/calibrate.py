@@ -3,7 +3,9 @@
 The parameters minimise the residuals of ``silmesh.cameras.turntable_residuals`` by non-linear least
 squares, whose covariance also says how well the silhouettes fix each parameter. The search starts
 from several elevations, half angles, steps and both directions of rotation on few views and points;
-the best starts are then refined on all of them.
+the best starts are then refined on all of them. If the outlines then miss each other by much, some
+silhouettes may be wrong: the views that agree are found (``silmesh.cameras.consensus``) and fitted
+alone, and the others are named.
 """
 
 import math
@@ -16,6 +18,7 @@ import torch
 from scipy.optimize import OptimizeResult
 
 from silmesh.cameras.attempt import CHECK_SERIES, Attempt
+from silmesh.cameras.consensus import Consensus, find_consensus, judge
 from silmesh.cameras.silhouette_coherence import Misses, distance_between, trace
 from silmesh.cameras.turntable_residuals import (
     ELEVATION,
@@ -29,6 +32,7 @@ from silmesh.cameras.turntable_residuals import (
 )
 from silmesh.errors import NAMED, InputError, name_some
 from silmesh.geometry.camera import Cameras
+from silmesh.geometry.frame import whole_frames
 from silmesh.progress import Share, untold, within
 from silmesh.views import View
 
@@ -66,6 +70,14 @@ LATHE = (
 # Root mean square residual, in pixels of a 256-pixel image, from which a person is warned and from
 # which the calibration is refused.
 SUSPECT, REFUSED = 1.0, 4.0
+# Views that have to agree on a turntable if others do not: a share of those with a silhouette, and
+# so many. What chosen views agree on has to fit better, too: the residual in pixels as above.
+SHARE, FEWEST_AGREEING, REFUSED_AGREEING = 0.55, 8, 2.0
+# Not all views can agree if the search ends above so many times SUSPECT; all are fitted then only
+# if no views are found that disagree.
+HOPELESS = 2.0
+BETTER_FIT = 0.8  # of the residual of all views, from which the fit of those that agree is taken
+FULL = "it fills its photograph"
 
 
 @dataclass(frozen=True)
@@ -97,8 +109,10 @@ class Calibration:
         direction_certain: whether the other direction fits clearly worse
         mirror: what tells the object from its mirror image: ``perspective``, ``table`` (the camera
             is taken to stand above it), ``elevation`` (it was given), or ``open``
-        rms: root mean square of the residuals, in pixels
-        view_rms: of each view, 0 without a silhouette
+        rms: root mean square of the residuals of the views that agree, in pixels
+        view_rms: of each view, 0 without an outline; of one that disagrees, by how much
+        disagreeing: views that had no say, since the others contradict their silhouettes: by how
+            much, in words
         offsets: [views] degrees by which each view's angle differs from even steps
         warnings: what a person should know, in sentences
     """
@@ -110,6 +124,7 @@ class Calibration:
     mirror: str
     rms: float
     view_rms: np.ndarray
+    disagreeing: dict[str, str]
     offsets: np.ndarray
     warnings: tuple[str, ...]
 
@@ -143,29 +158,25 @@ def calibrate(
         progress: is told which share is done
 
     Raises:
-        InputError: fewer than 3 views have a silhouette, one fills its image, or no turntable
-            explains them
+        InputError: fewer than 3 views have a silhouette, or no turntable explains most of them
     """
-    shown = _find_shown(silhouettes)
+    shown, full = _find_shown(silhouettes, views, frames)
     samples = int(np.clip(POINTS // len(views), FEWEST_SAMPLES, MOST_SAMPLES))
     named = [views[i] for i in shown]
     outlines = trace(silhouettes[shown], samples, named, None if frames is None else frames[shown])
     turn = Turntable(outlines, silhouettes.shape[1], aspect, distance, shown)
-    known = [i for i, value in ((ELEVATION, elevation), (STEP, step)) if value is not None]
-    sides = (1,) if above_table else (1, -1)
-    starts = _search(turn, len(views), step, elevation, sides, within(progress, 0, SEARCHED))
-    fits = _refine(turn, starts, _free(turn, known), within(progress, SEARCHED, REFINED))
-    mirror = "elevation"
-    if elevation is None:
-        fits, mirror = _resolve_mirror(turn, fits, _free(turn, known), above_table)
-    progress(RESOLVED)
-    best = _fit_offsets(turn, fits[0], known)
-    progress(1)
-    misses = turn.misses(best.x)
+    given = _Given(len(views), step, elevation, above_table)
     repeated = _find_repeated(silhouettes[shown], named)
-    _refuse_incoherent(turn, misses, repeated)
-    said = [*repeated, *_find_cut(turn, named)]
-    return _report(turn, best, misses, known, views, _find_rivals(turn, fits), mirror, said)
+    fewest = max(SHARE * (len(shown) + len(full)), FEWEST_AGREEING)
+    fit, verdict = _fit_most(turn, given, fewest, progress)
+    progress(1)
+    if fit.turn is turn:
+        _refuse_incoherent(fit, verdict, repeated)
+        verdict = None
+    disagreeing = {views[i]: FULL for i in full} | _name_disagreeing(verdict, named)
+    said = [*repeated, *_warn_of_disagreement(disagreeing, views), *_find_cut(turn, named)]
+    pixels = {} if verdict is None else dict(zip(shown, verdict.pixels, strict=True))
+    return _report(fit, given, views, pixels, disagreeing, said)
 
 
 def calibrate_views(
@@ -204,21 +215,130 @@ def attempt_calibration(
         "direction_certain": found.direction_certain,
         "mirror": found.mirror,
         "rms": found.rms,
+        "disagreeing": found.disagreeing,
         "view_rms": dict(zip(found.cameras.views, found.view_rms.tolist(), strict=True)),
         "offsets": dict(zip(found.cameras.views, found.offsets.tolist(), strict=True)),
     }
     return Attempt("calibrate", found.cameras, warnings=found.warnings, figures=figures)
 
 
-def _find_shown(silhouettes: np.ndarray) -> np.ndarray:
-    """Positions of the views with a silhouette, if there are enough of them."""
-    shown = np.flatnonzero(silhouettes.any(axis=(1, 2)))
-    if len(shown) < FEWEST_VIEWS:
+@dataclass(frozen=True)
+class _Given:
+    """What is known of a turn: arguments of ``calibrate``, and how many views there are."""
+
+    count: int
+    step: float | None
+    elevation: float | None
+    above_table: bool
+
+    @property
+    def known(self) -> list[int]:
+        """Positions of the parameters that are given."""
+        both = (ELEVATION, self.elevation), (STEP, self.step)
+        return [i for i, value in both if value is not None]
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """A turntable that was fitted to silhouettes.
+
+    Attributes:
+        turn: with the views that it was fitted to
+        best: the fit
+        rivals: parameters of other fits that are not clearly worse
+        mirror: as in ``Calibration``
+        misses: the residuals
+    """
+
+    turn: Turntable
+    best: OptimizeResult
+    rivals: list[np.ndarray]
+    mirror: str
+    misses: Misses
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the residuals, in pixels."""
+        return _root_mean_square(self.misses.pixels[self.turn.outlines.known])
+
+
+def _find_shown(
+    silhouettes: np.ndarray, views: Sequence[str], frames: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Positions of the views with an outline, and of those whose silhouette fills its photograph.
+
+    Raises:
+        InputError: too few have an outline
+    """
+    shown = silhouettes.any(axis=(1, 2))
+    if shown.sum() < FEWEST_VIEWS:
         raise InputError(
-            f"cameras 'calibrate': there are {len(shown)} views with a silhouette; it takes at "
+            f"cameras 'calibrate': there are {shown.sum()} views with a silhouette; it takes at "
             f"least {FEWEST_VIEWS}, and a dozen to be trusted"
         )
-    return shown
+    boxes = whole_frames(silhouettes) if frames is None else frames
+    full = np.array(
+        [
+            s[top:bottom, left:right].all()
+            for s, (left, top, right, bottom) in zip(silhouettes, boxes, strict=True)
+        ]
+    )
+    if (shown & ~full).sum() < max(FEWEST_VIEWS, SHARE * shown.sum()):
+        names = name_some([repr(views[i]) for i in np.flatnonzero(full)])
+        raise InputError(
+            f"cameras 'calibrate': {full.sum()} of the {shown.sum()} silhouettes fill their "
+            f"photographs and have no outline: {names}"
+        )
+    return np.flatnonzero(shown & ~full), np.flatnonzero(full)
+
+
+def _fit_most(
+    turn: Turntable, given: _Given, fewest: float, progress: Share
+) -> tuple[_Fit, Consensus | None]:
+    """Fit all views or, if these contradict each other, those that agree.
+
+    Args:
+        fewest: views that have to agree
+    Returns:
+        the fit, and how far the views agree if that had to be asked
+    """
+    suspect, allowed = (limit * turn.size / 256 for limit in (SUSPECT, REFUSED_AGREEING))
+    starts = _search(turn, given, within(progress, 0, SEARCHED))
+    thin = turn.thin()
+    cost = thin.cost(np.r_[starts[0][: len(NAMES)], np.zeros(len(thin.index))])
+    fit = _solve(turn, starts, given, progress) if cost <= HOPELESS * suspect else None
+    if len(turn.index) < FEWEST_AGREEING or (fit and fit.rms <= suspect):
+        return fit or _solve(turn, starts, given, progress), None
+    verdict = find_consensus(
+        turn,
+        lambda sample: _search(sample, given)[0][: len(NAMES)],
+        _free(turn, given.known),
+        allowed,
+        np.random.default_rng(0),
+    )
+    if verdict.agrees.sum() >= fewest and not verdict.agrees.all():
+        agreeing = np.flatnonzero(verdict.agrees)
+        part = turn.alone(agreeing)
+        apart = _solve(part, _search(part, given), given)
+        if apart.rms <= (min(allowed, BETTER_FIT * fit.rms) if fit else allowed):
+            whole = part.of(turn.outlines, turn.index)
+            strict = judge(whole, apart.best.x, agreeing, allowed, trusting=True)
+            if strict.agrees.sum() >= fewest:
+                return apart, strict
+    return fit or _solve(turn, starts, given, progress), verdict
+
+
+def _solve(
+    turn: Turntable, starts: Sequence[np.ndarray], given: _Given, progress: Share = untold
+) -> _Fit:
+    """Refine starts on all views, and tell apart what fits as well."""
+    free = _free(turn, given.known)
+    fits, mirror = _refine(turn, starts, free, within(progress, SEARCHED, REFINED)), "elevation"
+    if given.elevation is None:
+        fits, mirror = _resolve_mirror(turn, fits, free, given.above_table)
+    progress(RESOLVED)
+    best = _fit_offsets(turn, fits[0], given.known)
+    return _Fit(turn, best, _find_rivals(turn, fits), mirror, turn.misses(best.x))
 
 
 def _free(turn: Turntable, known: Sequence[int], offsets: bool = False) -> np.ndarray:
@@ -227,25 +347,15 @@ def _free(turn: Turntable, known: Sequence[int], offsets: bool = False) -> np.nd
     return np.array(free + [len(NAMES) + i for i in range(len(turn.index)) if offsets])
 
 
-def _search(
-    turn: Turntable,
-    positions: int,
-    step: float | None,
-    elevation: float | None,
-    sides: Sequence[int],
-    progress: Share,
-) -> list[np.ndarray]:
+def _search(turn: Turntable, given: _Given, progress: Share = untold) -> list[np.ndarray]:
     """Find starts to refine, on fewer views and points: [parameters] each.
 
     The best start is kept of each combination of rotation direction, side of the table and arc,
     unless it is clearly worse than the best of all.
-
-    Args:
-        positions: views in the turn, with or without a silhouette
-        sides: 1 for a camera above the table, -1 for one below
     """
-    thin = turn.thin()
-    steps = [abs(step)] if step is not None else [arc / positions for arc in ARCS]
+    thin, step, elevation = turn.thin(), given.step, given.elevation
+    sides = (1,) if given.above_table else (1, -1)  # of the table: above, below
+    steps = [abs(step)] if step is not None else [arc / given.count for arc in ARCS]
     starts = STARTS if step is not None else STARTS[::2]
     if elevation is not None:
         starts, sides = [(elevation, angle) for _, angle in STARTS[:2]], (1,)
@@ -351,50 +461,74 @@ def _find_cut(turn: Turntable, views: Sequence[str]) -> list[str]:
     return [f"the frame cuts the object in {len(cut)} of {len(views)} views: {names}"]
 
 
-def _refuse_incoherent(turn: Turntable, misses: Misses, said: Sequence[str]) -> None:
-    rms = _root_mean_square(misses.pixels[turn.outlines.known])
-    allowed = REFUSED * turn.size / 256
-    if rms > allowed:
-        raise InputError(
-            f"cameras 'calibrate': no turntable explains these silhouettes: at best their "
-            f"outlines miss each other by {rms:.2g} pixels (root mean square; at most "
-            f"{allowed:.2g} is accepted)" + "".join(f"; {s}" for s in said) + CHECK_SERIES
-        )
+def _name_disagreeing(verdict: Consensus | None, views: Sequence[str]) -> dict[str, str]:
+    """The views that disagree, and by how much."""
+    if verdict is None:
+        return {}
+    judged = zip(views, verdict.pixels, verdict.agrees, strict=True)
+    wrong = {str(view): pixels for view, pixels, agrees in judged if not agrees}
+    return {view: f"it disagrees by {pixels:.2g} pixels" for view, pixels in wrong.items()}
+
+
+def _warn_of_disagreement(disagreeing: dict[str, str], views: Sequence[str]) -> list[str]:
+    if not disagreeing:
+        return []
+    names = name_some([f"{view!r} ({why})" for view, why in disagreeing.items()])
+    return [
+        f"the silhouettes of {len(disagreeing)} of {len(views)} views disagree with the turntable "
+        f"that the others agree on, and had no say: {names}"
+    ]
+
+
+def _refuse_incoherent(fit: _Fit, verdict: Consensus | None, said: Sequence[str]) -> None:
+    """Refuse a fit of all views whose residuals are too large."""
+    allowed = REFUSED * fit.turn.size / 256
+    if fit.rms <= allowed:
+        return
+    most = f"; no turntable explains more than {verdict.agrees.sum()} of the {len(verdict.agrees)}"
+    raise InputError(
+        f"cameras 'calibrate': no turntable explains these silhouettes: at best their "
+        f"outlines miss each other by {fit.rms:.2g} pixels (root mean square; at most "
+        f"{allowed:.2g} is accepted)"
+        + (most if verdict else "")
+        + "".join(f"; {s}" for s in said)
+        + CHECK_SERIES
+    )
 
 
 def _report(
-    turn: Turntable,
-    fit: OptimizeResult,
-    misses: Misses,
-    known: Sequence[int],
+    fit: _Fit,
+    given: _Given,
     views: Sequence[str],
-    rivals: Sequence[np.ndarray],
-    mirror: str,
+    pixels: dict[int, float],
+    disagreeing: dict[str, str],
     said: Sequence[str],
 ) -> Calibration:
-    count = len(views)
-    *camera, own = turn.cameras_at(fit.x, count)
+    """What was found; ``pixels`` says by how much views disagree, if that had to be asked."""
+    turn, best, misses, count = fit.turn, fit.best, fit.misses, len(views)
+    *camera, own = turn.cameras_at(best.x, count)
     alike = distance_between(turn.outlines) < ALIKE
-    free = _free(turn, known, offsets=bool(own.any()))
-    estimates = _estimate(turn, fit, misses, known, free, alike)
+    free = _free(turn, given.known, offsets=bool(own.any()))
+    estimates = _estimate(turn, best, misses, given.known, free, alike)
     view_rms = np.zeros(count)
+    view_rms[list(pixels)] = list(pixels.values())
     view_rms[turn.index] = [
         _root_mean_square(r[k]) if k.any() else 0.0
         for r, k in zip(misses.pixels, turn.outlines.known, strict=True)
     ]
-    rms = _root_mean_square(misses.pixels[turn.outlines.known])
     K, R, t = map(torch.as_tensor, camera)
     cameras = Cameras(tuple(views), torch.full((count, 2), turn.size), K.repeat(count, 1, 1), R, t)
-    certain = not alike and all(x[STEP] * fit.x[STEP] > 0 for x in rivals)
+    certain = not alike and all(x[STEP] * best.x[STEP] > 0 for x in fit.rivals)
     warnings = [
         *said,
         *([LATHE] if alike else _warn_of_estimates(estimates)),
-        *([] if alike else _warn_of_rivals(estimates, rivals, certain, mirror)),
-        *_warn_of_misses(turn, rms, view_rms, views),
+        *([] if alike else _warn_of_rivals(estimates, fit.rivals, certain, fit.mirror)),
+        *_warn_of_misses(turn, fit.rms, view_rms, views),
     ]
     return Calibration(
-        cameras, estimates, turn.row, certain, mirror, rms, view_rms, own, tuple(warnings)
-    )
+        cameras, estimates, turn.row, certain, fit.mirror, fit.rms, view_rms, disagreeing, own,
+        tuple(warnings),
+    )  # fmt: skip
 
 
 def _estimate(

@@ -88,23 +88,31 @@ class Turntable:
         self.reach = np.linalg.norm(from_middle, axis=2).max()  # pixels
         self.radius = 1.2 * self.reach * WIDTH / size  # about the object's middle, with a margin
 
+    def select(self, views: np.ndarray, every: int = 1) -> "Turntable":
+        """The same on these views, and every so many-th of their points."""
+        return self.of(self.outlines.select(views, every), self.index[views])
+
+    def alone(self, views: np.ndarray) -> "Turntable":
+        """A turntable whose silhouettes are those of these views alone."""
+        outlines, index = self.outlines.select(views), self.index[views]
+        return Turntable(outlines, self.size, self.aspect, self.distance, index)
+
     def thin(self) -> "Turntable":
         """The same turntable with fewer views and points, for the search."""
         count = len(self.index)
         kept = np.unique(np.linspace(0, count, COARSE_VIEWS, endpoint=False).astype(int))
         kept = kept if count > COARSE_VIEWS else np.arange(count)
         every = max(1, self.outlines.known.shape[1] // COARSE_SAMPLES)
-        return self._with(self.outlines.select(kept, every), self.index[kept])
+        return self.select(kept, every)
 
     def sparse(self) -> "Turntable":
         """The same turntable with every other point of the outlines."""
-        every = np.arange(len(self.index))
-        return self._with(self.outlines.select(every, 2), self.index)
+        return self.select(np.arange(len(self.index)), 2)
 
     def only(self, samples: np.ndarray) -> "Turntable":
         """The same turntable with residuals only at some points of outlines, [samples] bool."""
         known = self.outlines.known & samples
-        return self._with(replace(self.outlines, known=known), self.index)
+        return self.of(replace(self.outlines, known=known), self.index)
 
     def cameras_at(
         self, x: np.ndarray, positions: int
@@ -117,10 +125,11 @@ class Turntable:
         """
         offsets = np.zeros(positions)
         offsets[self.index] = x[len(NAMES) :]
-        whole = self._with(self.outlines, np.arange(positions))
+        whole = self.of(self.outlines, np.arange(positions))
         return *whole.camera(np.r_[x[: len(NAMES)], offsets]), offsets
 
-    def _with(self, outlines: Outlines, index: np.ndarray) -> "Turntable":
+    def of(self, outlines: Outlines, index: np.ndarray) -> "Turntable":
+        """The same turntable with other outlines: their parameters mean the same."""
         part = copy(self)
         part.outlines, part.index = outlines, index
         return part

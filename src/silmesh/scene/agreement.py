@@ -1,7 +1,8 @@
 """How well cameras agree with silhouettes, and which of several attempts is taken."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,14 +10,16 @@ from silmesh.cameras.attempt import TRY_CALIBRATE, Attempt
 from silmesh.errors import InputError
 from silmesh.geometry.camera import Cameras, Similarity
 from silmesh.geometry.silhouette_iou import coherence
-from silmesh.geometry.thresholds import REFUSED
+from silmesh.geometry.thresholds import COHERENT, REFUSED
 from silmesh.geometry.undistortion import Undistorted, undistort
 from silmesh.geometry.visual_hull import carve, find_enclosed
+from silmesh.scene.outliers import find_outliers
 from silmesh.scene.scene import find_similarity, refuse_enclosed
 
 FEWEST = 2  # least number of silhouettes that are not empty
 # Of attempts whose hull IoU differs by less than this, the one with the most views is taken.
 NEAR = 0.02
+ROUNDS = 2  # of looking for outliers among the views that are left
 
 
 @dataclass(frozen=True)
@@ -28,17 +31,22 @@ class Normalised:
         undistorted: how the pictures become those of these cameras
         similarity: from the cameras' own world to it
         coherence: [views], the hull's IoU with each silhouette; 0 where that is empty
+        contradicted: positions of the views whose silhouettes the others contradict: the hull is
+            that of the others
+        empty: positions of the views whose silhouette is empty
     """
 
     cameras: Cameras
     undistorted: Undistorted
     similarity: Similarity
     coherence: np.ndarray
+    contradicted: tuple[int, ...] = ()
+    empty: tuple[int, ...] = ()
 
     @property
     def mean(self) -> float:
-        """The mean coherence."""
-        return float(self.coherence.mean())
+        """The mean coherence of the views that say something and are not contradicted."""
+        return float(np.delete(self.coherence, [*self.contradicted, *self.empty]).mean())
 
 
 def find_shown(silhouettes: np.ndarray) -> np.ndarray:
@@ -52,10 +60,12 @@ def normalise(
     keep_world: bool = False,
     resolution: int = 128,
     frames: np.ndarray | None = None,
+    suspects: Collection[str] = (),
 ) -> Normalised:
     """Take the cameras' lenses away, normalise their world and measure their coherence.
 
-    The views whose silhouette is empty have no say in it.
+    The views whose silhouette is empty have no say in it. If the coherence is low, those have none
+    either whose silhouettes most others contradict, if the others then are more coherent.
 
     Args:
         cameras: in their own world
@@ -63,6 +73,7 @@ def normalise(
         keep_world: it is normalised already
         resolution: of the hull, as ``carve`` takes it
         frames: [views, 4] of the photographs within the images; the whole images if not given
+        suspects: views that the cameras' source names as contradicted, left out first
 
     Raises:
         InputError: the cameras do not look at one object, one stands inside it, or fewer than two
@@ -76,18 +87,94 @@ def normalise(
         )
     undistorted = undistort(cameras, silhouettes, frames)
     cameras, silhouettes = undistorted.cameras, undistorted.silhouettes(silhouettes)
-    kept, silhouettes, spoken = (
-        cameras.select(shown),
-        silhouettes[shown],
-        undistorted.frames[shown],
-    )
-    similarity = Similarity.identity() if keep_world else find_similarity(kept, silhouettes, spoken)
-    cameras, kept = cameras.in_world_of(similarity), kept.in_world_of(similarity)
-    refuse_enclosed(kept, find_enclosed(silhouettes, kept, spoken))
+    kept = _Views(cameras.select(shown), silhouettes[shown], undistorted.frames[shown])
+    all_views = np.arange(len(shown))
+    outlined = _find_outlined(kept.silhouettes)
+    found = _measure(kept, outlined, all_views, keep_world, resolution)
+    contradicted = all_views[:0]
+    if found[1].mean() < COHERENT:
+        found, contradicted = _measure_without_outliers(
+            found, kept, keep_world, resolution, suspects
+        )
+    similarity, shares = found
+    cameras = cameras.in_world_of(similarity)
+    sound = kept.select(np.setdiff1d(all_views, contradicted)).in_world_of(similarity)
+    refuse_enclosed(sound.cameras, find_enclosed(sound.silhouettes, sound.cameras, sound.frames))
     agreement = np.zeros(len(cameras))
-    hull = carve(silhouettes, kept, resolution, frames=spoken)
-    agreement[shown] = coherence(hull, kept, silhouettes, spoken)
-    return Normalised(cameras, undistorted, similarity, agreement)
+    agreement[shown] = shares
+    empty = np.setdiff1d(np.arange(len(cameras)), shown)
+    outliers = shown[contradicted]
+    return Normalised(
+        cameras, undistorted, similarity, agreement, tuple(outliers.tolist()), tuple(empty.tolist())
+    )
+
+
+class _Views(NamedTuple):
+    """Views with a silhouette: their cameras, silhouettes [n, height, width] and frames [n, 4]."""
+
+    cameras: Cameras
+    silhouettes: np.ndarray
+    frames: np.ndarray
+
+    def select(self, positions: np.ndarray) -> "_Views":
+        return _Views(
+            self.cameras.select(positions), self.silhouettes[positions], self.frames[positions]
+        )
+
+    def in_world_of(self, similarity: Similarity) -> "_Views":
+        return self._replace(cameras=self.cameras.in_world_of(similarity))
+
+
+def _find_outlined(silhouettes: np.ndarray) -> np.ndarray:
+    """Positions of the silhouettes that do not fill their images, if they are the most."""
+    outlined = np.flatnonzero(~silhouettes.all(axis=(1, 2)))
+    return outlined if 2 * len(outlined) > len(silhouettes) else np.arange(len(silhouettes))
+
+
+def _measure(
+    views: _Views, placing: np.ndarray, carving: np.ndarray, keep_world: bool, resolution: int
+) -> tuple[Similarity, np.ndarray]:
+    """The world that some views span, and the coherence of all with the hull of some: [views]."""
+    similarity = Similarity.identity() if keep_world else find_similarity(*views.select(placing))
+    views = views.in_world_of(similarity)
+    carved = views.select(carving)
+    hull = carve(carved.silhouettes, carved.cameras, resolution, frames=carved.frames)
+    return similarity, coherence(hull, *views)
+
+
+def _measure_without_outliers(
+    found: tuple[Similarity, np.ndarray],
+    views: _Views,
+    keep_world: bool,
+    resolution: int,
+    suspects: Collection[str],
+) -> tuple[tuple[Similarity, np.ndarray], np.ndarray]:
+    """What ``_measure`` finds without the views that most others contradict, and those.
+
+    In rounds, since the worst outliers hide others. Views are left out only if the rest is more
+    coherent without them, and they are fewer than half.
+    """
+    everyone = np.arange(len(views.silhouettes))
+    inliers, best = everyone, found[1].mean()
+    left = np.array([i for i in everyone if views.cameras.views[i] not in suspects])
+    if FEWEST <= len(left) < len(everyone):
+        again = _measure(views, left, left, keep_world, resolution)
+        if again[1][left].mean() >= max(COHERENT, best):
+            return again, np.setdiff1d(everyone, left)
+    for _ in range(ROUNDS):
+        asked = views.select(inliers).in_world_of(found[0])
+        verdict = find_outliers(asked.silhouettes, asked.cameras, asked.frames)
+        left = inliers[verdict.inliers]
+        if verdict.refusal or not verdict.outliers or 2 * len(left) <= len(everyone):
+            break
+        again = _measure(views, left, left, keep_world, resolution)
+        mean = again[1][left].mean()
+        if mean < best + NEAR:
+            break
+        found, inliers, best = again, left, mean
+        if best >= COHERENT:
+            break
+    return found, np.setdiff1d(everyone, inliers)
 
 
 def refuse_incoherent(
@@ -102,11 +189,13 @@ def refuse_incoherent(
     if attempt.cameras is None:
         return attempt
     try:
-        mean = normalise(attempt.cameras, silhouettes, frames=frames).mean
+        normalised = normalise(attempt.cameras, silhouettes, frames=frames)
     except InputError as error:
         why = f"cameras {attempt.source!r}: {error}"
         return replace(attempt, cameras=None, refusal=why)
-    attempt = replace(attempt, figures={**attempt.figures, "coherence": mean})
+    mean, views = normalised.mean, attempt.cameras.views
+    figures = {"coherence": mean, "contradicted": [views[i] for i in normalised.contradicted]}
+    attempt = replace(attempt, figures={**attempt.figures, **figures})
     if mean >= REFUSED:
         return attempt
     why = (

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from silmesh.cameras.attempt import CHECK_SERIES, FILE, TRY_CALIBRATE, Attempt
-from silmesh.errors import InputError, blaming
+from silmesh.errors import InputError, blaming, name_some
 from silmesh.geometry.thresholds import COHERENT
 from silmesh.geometry.undistortion import Undistorted
 from silmesh.geometry.visual_hull import find_outlier_views
@@ -67,8 +67,10 @@ def build_scene(
     taken, why = choose(attempts, normalised)
     attempt, best = attempts[taken], normalised[taken]
     undistorted = best.undistorted.silhouettes(shown.silhouettes(best.cameras.views))
+    attempt = _warn_of_contradicted(attempt, best)
     notes = {
         **_note_cameras(attempt, best, why),
+        "disagreeing": attempt.figures.get("disagreeing", {}),
         "doubtful": _name_outliers(best, undistorted),
         "warnings": list(attempt.warnings),
         "figures": dict(attempt.figures),
@@ -113,6 +115,18 @@ def _normalise(
             return settle(attempt, shown.silhouettes(named), keep_world, shown.frames(named))
     except InputError as error:
         return replace(attempt, refusal=str(error)), None
+
+
+def _warn_of_contradicted(attempt: Attempt, best: Normalised) -> Attempt:
+    """The attempt with a warning that names the views that had no say, if there are any."""
+    if not best.contradicted:
+        return attempt
+    names = name_some([repr(best.cameras.views[i]) for i in best.contradicted])
+    warning = (
+        f"the hull by which the cameras are judged leaves out {len(best.contradicted)} of "
+        f"{len(best.cameras)} views, whose silhouettes the others contradict: {names}"
+    )
+    return replace(attempt, warnings=(*attempt.warnings, warning))
 
 
 def _note_cameras(attempt: Attempt, best: Normalised, why: str) -> dict[str, Any]:

@@ -107,7 +107,10 @@ def settle(
             silhouettes contradict them; the message names the convention that would fit
     """
     if attempt.source != FILE or keep_world or len(find_shown(silhouettes)) < FEWEST:
-        return attempt, normalise(attempt.cameras, silhouettes, keep_world, frames=frames)
+        suspects = attempt.figures.get("disagreeing", ())
+        return attempt, normalise(
+            attempt.cameras, silhouettes, keep_world, frames=frames, suspects=suspects
+        )
     faced = _face(attempt, silhouettes)
     normalised, why = _try_to_normalise(faced, silhouettes, frames)
     mean = normalised.mean if normalised else 0.0

@@ -82,7 +82,8 @@ def judge_scene(
         return repair(shown, scene.silhouettes, scene.cameras, outliers, inliers, frames, progress)
 
     position = {view: i for i, view in enumerate(views)}
-    lost = {position[view]: why for view, why in notes["lost"].items() if view in position}
+    known = notes.get("disagreeing", {}) | notes["lost"]
+    lost = {position[view]: why for view, why in known.items() if view in position}
     unreadable = [position[view] for view in notes["unreadable"] if view in position]
     decision = decide(
         policy, fewest, scene.silhouettes, scene.cameras, segment, frames, lost, unreadable

@@ -21,6 +21,8 @@ FINE = 64  # rays along an image's side that the shares are measured by
 # In each round, one of so many trusted views may be wrong at a point. The first rounds tolerate
 # much, as outliers still vote; the last ones little, as a hull that tolerates more is larger.
 TOLERANCES = (5, 6, 8, 12, 24, 24)
+# The same of a round before these, if the outliers deny more than LEAST of most views.
+MANY = 3
 LEAST = 0.12  # a view whose shares are both smaller is no outlier
 # With fewer trusted views the hull is so large that ``missing`` says nothing, and it is set to 0.
 ENOUGH = 6
@@ -54,7 +56,7 @@ class Verdict:
         return [i for i, reason in enumerate(self.reasons) if not reason]
 
     def explain(self, lost: Mapping[int, str]) -> "Verdict":
-        """The same verdict, with known reasons for the empty silhouettes at these positions."""
+        """The same verdict, with known reasons why the silhouettes at these positions are wrong."""
         return replace(self, reasons=[lost.get(i, reason) for i, reason in enumerate(self.reasons)])
 
 
@@ -98,7 +100,10 @@ def _find_contradicted(
     trusted = np.flatnonzero(shown)
     unexplained, missing = disagreement(silhouettes, cameras, frames, trusted, TOLERANCES[-1])
     bad = shown & (_excess(unexplained, missing, trusted) > 0)
-    for tolerance in TOLERANCES if bad.any() else ():
+    tolerances = TOLERANCES if bad.any() else ()
+    if trusted.size and np.median(unexplained[trusted]) > LEAST:  # many deny, and the same of all
+        tolerances = (MANY, *TOLERANCES)
+    for tolerance in tolerances:
         unexplained, missing = disagreement(silhouettes, cameras, frames, trusted, tolerance)
         excess = _excess(unexplained, missing, trusted)
         bad = shown & (excess > 0)

@@ -52,7 +52,7 @@ def decide(
         cameras: of these views, in the normalised world
         segment: gives new silhouettes of outliers, from their positions and the inliers'
         frames: [views, 4] of the photographs within the images, as ``judge`` takes them
-        lost: why silhouettes are empty, by position, where it is known
+        lost: why silhouettes are empty or outliers, by position, where it is known
         unreadable: positions of the views without a photograph to segment again
 
     Raises:
