@@ -108,7 +108,7 @@ def fill(
 ) -> tuple[Masks, Positions]:
     """Take the whole photograph for the object, in a share of the views."""
     wrong = choose_views(len(masks), share, seed, "fill")
-    return _put(masks, wrong, _inside(masks, frames)), wrong
+    return _put(masks, wrong, keep_inside(np.ones_like(masks), frames)), wrong
 
 
 def swap(masks: Masks, others: Masks, share: float, seed: int = 0) -> tuple[Masks, Positions]:
@@ -166,15 +166,12 @@ def step_nearer(
     return np.stack(maps), np.tile(frame, (len(masks), 1)), close
 
 
-def look_through(
-    masks: Masks, maps: NDArray[np.float64], frames: Frames, beyond: bool = False
-) -> Masks:
+def look_through(masks: Masks, maps: NDArray[np.float64], frames: Frames) -> Masks:
     """The silhouettes in images that were scaled and shifted, by their nearest pixels.
 
     Args:
         maps: as ``step_nearer`` gives them
         frames: of the new images, outside of which nothing is seen
-        beyond: whether what lies outside the frames is shown, too
     """
     height, width = masks.shape[1:]
     v, u = np.mgrid[:height, :width] + 0.5
@@ -184,7 +181,7 @@ def look_through(
         row = np.floor(way[1, 1] * v + way[1, 2]).astype(int)
         there = (column >= 0) & (column < width) & (row >= 0) & (row < height)
         out[view][there] = seen[row[there], column[there]]
-    return out if beyond else out & _inside(masks, frames)
+    return keep_inside(out, frames)
 
 
 def close_up(
@@ -202,6 +199,15 @@ def close_up(
 def thin_out(views: int, count: int) -> Positions:
     """The positions of so many of the views, evenly spread."""
     return [i * views // count for i in range(count)]
+
+
+def keep_inside(masks: Masks, frames: Frames | None) -> Masks:
+    """The silhouettes with nothing outside their frames; the whole images if not given."""
+    frames = whole_frames(masks) if frames is None else frames
+    out = np.zeros_like(masks)
+    for inside, seen, (left, top, right, bottom) in zip(out, masks, frames, strict=True):
+        inside[top:bottom, left:right] = seen[top:bottom, left:right]
+    return out
 
 
 def _generator(seed: int, kind: str, view: int = -1) -> np.random.Generator:
@@ -227,15 +233,6 @@ def _set_nearest(
 def _put(masks: Masks, wrong: Sequence[int], others: Masks) -> Masks:
     out = masks.copy()
     out[wrong] = others[wrong]
-    return out
-
-
-def _inside(masks: Masks, frames: Frames | None) -> Masks:
-    """Which pixels lie within the photographs: [views, height, width]."""
-    frames = whole_frames(masks) if frames is None else frames
-    out = np.zeros_like(masks)
-    for inside, (left, top, right, bottom) in zip(out, frames, strict=True):
-        inside[top:bottom, left:right] = True
     return out
 
 
