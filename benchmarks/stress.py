@@ -194,12 +194,11 @@ def measure(
 
 
 def list_cells(given: argparse.Namespace) -> Iterator[tuple[str, str, tuple]]:
-    """Objects, damages and their strengths."""
-    for name in given.objects:
-        for kind in given.damages:
-            for strength in DAMAGES[kind][1]:
-                if kind != "views" or strength[0] < given.views:
-                    yield name, kind, strength
+    """Objects, damages and their strengths: a run that is stopped has whole rows of its table."""
+    for kind in given.damages:
+        for strength in DAMAGES[kind][1]:
+            if kind != "views" or strength[0] < given.views:
+                yield from ((name, kind, strength) for name in given.objects)
 
 
 def measure_all(given: argparse.Namespace) -> dict:
