@@ -193,12 +193,30 @@ def measure(
     }
 
 
+def parse_damage(text: str) -> list[tuple[str, tuple]]:
+    """A damage at all its strengths, as ``bite``, or at one of them or another, ``bite=0.1,0.2``.
+
+    Raises:
+        ArgumentTypeError: there is no such damage, or it takes another count of numbers
+    """
+    kind, _, numbers = text.partition("=")
+    if kind not in DAMAGES:
+        raise argparse.ArgumentTypeError(f"{kind!r} is none of {', '.join(DAMAGES)}")
+    strengths = DAMAGES[kind][1]
+    if not numbers:
+        return [(kind, strength) for strength in strengths]
+    given = tuple(json.loads(f"[{numbers}]"))
+    if len(given) != len(strengths[0]):
+        raise argparse.ArgumentTypeError(f"{text}: should be {kind} or as {kind}={strengths[0]}")
+    return [(kind, given)]
+
+
 def list_cells(given: argparse.Namespace) -> Iterator[tuple[str, str, tuple]]:
     """Objects, damages and their strengths: a run that is stopped has whole rows of its table."""
-    for kind in given.damages:
-        for strength in DAMAGES[kind][1]:
-            if kind != "views" or strength[0] < given.views:
-                yield from ((name, kind, strength) for name in given.objects)
+    damages = given.damages or [parse_damage(kind) for kind in DAMAGES]
+    for kind, strength in (one for several in damages for one in several):
+        if kind != "views" or strength[0] < given.views:
+            yield from ((name, kind, strength) for name in given.objects)
 
 
 def measure_all(given: argparse.Namespace) -> dict:
@@ -234,7 +252,7 @@ def main() -> None:
     known = [*OBJECTS, *SCANS, *REAL]
     args.add_argument("--json", type=Path, required=True, help="to keep the cells in")
     args.add_argument("--objects", nargs="+", choices=known, default=known)
-    args.add_argument("--damages", nargs="+", choices=list(DAMAGES), default=list(DAMAGES))
+    args.add_argument("--damages", nargs="+", type=parse_damage, help="all, or KIND[=STRENGTH] ...")
     args.add_argument("--methods", nargs="+", choices=METHODS, default=list(METHODS))
     args.add_argument("--cameras", choices=("given", "calibrate"), default="given")
     args.add_argument("--views", type=int, default=36)

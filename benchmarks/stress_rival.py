@@ -1,8 +1,8 @@
 """Visual hulls by reverse3d of the cases that ``stress.py`` names, one a line.
 
 It runs in an environment of its own (``pip install reverse3d``). reverse3d takes cameras as a model
-of COLMAP in text, and segments the photographs by itself; here it is given the masks in their
-place, and where it asks for a segmentation, the masks again. It is not told that a mask is wrong.
+of COLMAP in text, and segments the photographs by itself, by GrabCut in a box, then by a network.
+Here the masks are its photographs, and stand for what either would find.
 """
 
 import json
@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 import cv2
 import numpy as np
 import trimesh
-from reverse3d.reconstruction.silhouette import visual_hull
+from reverse3d.reconstruction import silhouette
 from scipy.spatial.transform import Rotation
 
 RESOLUTION = 176  # its default
@@ -54,6 +54,15 @@ class Given:
         return np.where(mask > 0, 255, 0).astype(np.uint8)
 
 
+def read_in_box(image: np.ndarray, box: tuple[int, int, int, int]) -> np.ndarray:
+    """The mask that a photograph is, within a box, in place of GrabCut's."""
+    left, top, width, height = box
+    out = np.zeros(image.shape[:2], np.uint8)
+    inside = np.s_[top : top + height, left : left + width]
+    out[inside] = np.where(image[inside][..., 0] > 127, 255, 0)
+    return out
+
+
 def carve(folder: Path, made: Path) -> dict:
     """The hull of a case, written in the world of its cameras."""
     cameras = json.loads((folder / "cameras.json").read_text())
@@ -62,7 +71,7 @@ def carve(folder: Path, made: Path) -> dict:
     with TemporaryDirectory() as scratch:
         write_colmap(cameras, Path(scratch))
         path = Path(scratch) / "hull.ply"
-        told = visual_hull(
+        told = silhouette.visual_hull(
             folder / "masks",
             Path(scratch),
             path,
@@ -78,6 +87,7 @@ def carve(folder: Path, made: Path) -> dict:
 def main() -> None:
     """Answer each line of standard input."""
     cv2.setNumThreads(1)
+    silhouette._coarse_grabcut = read_in_box
     answers = sys.stdout
     for line in sys.stdin:
         folder, made = map(Path, json.loads(line))
