@@ -32,6 +32,7 @@ from stress_table import tabulate
 from silmesh.errors import InputError
 from silmesh.evaluation.ground_truth import compare_to_truth
 from silmesh.evaluation.registration import align
+from silmesh.files import replacing
 from silmesh.fitting.loop import run
 from silmesh.fitting.softras import SoftRas
 from silmesh.geometry.mesh_files import to_tensors
@@ -45,7 +46,6 @@ from silmesh.synthetic.layout import OBJECTS
 
 HERE = Path(__file__).resolve().parent
 METHODS = ("hull", "ellipsoid", "today", "silmesh", "rival")
-OUTSIDE = ("today", "silmesh", "rival")  # methods that read files, in a process of their own
 LONGEST = 600  # seconds of one case in such a process
 
 
@@ -165,32 +165,36 @@ def count_named(case: Case, named: list[str]) -> dict:
     }
 
 
+def measure_inside(case: Case, method: str, steps: int) -> dict:
+    """A cell of a method of this process."""
+    start, said = time.perf_counter(), "it is empty"
+    try:
+        mesh = INSIDE[method](case, steps)
+    except InputError as error:
+        mesh, said = None, str(error)
+    seconds = time.perf_counter() - start
+    told = {"verdict": "refused", "said": said} if mesh is None else {"verdict": "made"}
+    return {**told, "seconds": seconds, **measure_mesh(case, mesh, False)}
+
+
+def measure_outside(case: Case, worker: Worker, made: Path, size: int, calibrated: bool) -> dict:
+    """A cell of a method that reads files, from the folder in which it writes its mesh."""
+    made.unlink(missing_ok=True)
+    write_case(case, made.parent, size, calibrated)
+    told = worker.ask(made.parent.resolve(), made.resolve())
+    mesh = trimesh.load(made, process=False) if made.exists() else None
+    named = count_named(case, told["named"]) if "named" in told else {}
+    return {**told, **measure_mesh(case, mesh, calibrated), **named}
+
+
 def measure(
     case: Case, method: str, workers: dict[str, Worker], folder: Path, given: argparse.Namespace
 ) -> dict:
-    """One cell."""
-    calibrated = given.cameras == "calibrate"
+    """A cell of any method."""
     if method in INSIDE:
-        start = time.perf_counter()
-        try:
-            mesh = INSIDE[method](case, given.steps)
-        except InputError as error:
-            mesh, said = None, str(error)
-        else:
-            said = "" if mesh is not None else "it is empty"
-        told = {"verdict": "refused" if mesh is None else "made", "said": said}
-        told["seconds"] = time.perf_counter() - start
-        return {**told, **measure_mesh(case, mesh, False)}
-    made = folder / f"{method}.ply"
-    made.unlink(missing_ok=True)
-    write_case(case, folder, given.size, calibrated)
-    told = workers[method].ask(folder.resolve(), made.resolve())
-    mesh = trimesh.load(made, process=False) if made.exists() else None
-    return {
-        **told,
-        **measure_mesh(case, mesh, calibrated),
-        **count_named(case, told.get("named", [])),
-    }
+        return measure_inside(case, method, given.steps)
+    made, calibrated = folder / f"{method}.ply", given.cameras == "calibrate"
+    return measure_outside(case, workers[method], made, given.size, calibrated)
 
 
 def parse_damage(text: str) -> list[tuple[str, tuple]]:
@@ -222,23 +226,24 @@ def list_cells(given: argparse.Namespace) -> Iterator[tuple[str, str, tuple]]:
 def measure_all(given: argparse.Namespace) -> dict:
     """Every cell that is not in the file; the file is written after each."""
     kept = json.loads(given.json.read_text()) if given.json.exists() else {}
-    workers = start_workers(given)
-    methods = [m for m in given.methods if m in INSIDE or m in workers]
+    about = f"{given.views} views of {given.size}, {given.cameras}, seed {given.seed}"
+    workers = {} if given.only_kept else start_workers(given)
+    methods = [m for m in given.methods if m in (*INSIDE, *workers)]
     for name, kind, strength in list_cells(given):
-        cell = name_cell(kind, strength)
-        about = f"{given.views} views of {given.size}, {given.cameras}, seed {given.seed}"
-        row = kept.setdefault(about, {}).setdefault(cell, {}).setdefault(name, {})
-        lacking = [method for method in methods if method not in row]
+        row = kept.setdefault(about, {}).setdefault(name_cell(kind, strength), {})
+        row = row.setdefault(name, {})
+        lacking = [method for method in methods if method not in row or method in given.again]
         if not lacking or given.only_kept:
             continue
         clean = make_clean(name, given.views, given.size, given.cameras == "calibrate")
         case = damage_case(clean, kind, strength, given.seed)
-        folder = given.work / about.replace(", ", "-").replace(" ", "-") / name / cell
+        folder = given.work / about.replace(", ", "-") / name / name_cell(kind, strength)
         for method in lacking:
             row[method] = measure(case, method, workers, folder, given)
             told = {k: row[method].get(k) for k in ("iou", "volume_iou", "verdict", "seconds")}
-            print(f"{name}, {cell}, {method}: {told}", file=sys.stderr, flush=True)
-            given.json.write_text(json.dumps(kept, indent=1) + "\n")
+            print(f"{name}, {folder.name}, {method}: {told}", file=sys.stderr, flush=True)
+            with replacing(given.json) as part:
+                part.write_text(json.dumps(kept, indent=1) + "\n")
     for worker in workers.values():
         worker.close()
     return kept
@@ -262,6 +267,7 @@ def main() -> None:
     args.add_argument("--today", type=Path, help="another checkout, that of before")
     args.add_argument("--rival", type=Path, help="a Python in whose environment reverse3d is")
     args.add_argument("--work", type=Path, default=Path("results/stress"), help="folder of cases")
+    args.add_argument("--again", nargs="+", choices=METHODS, default=[], help="measure them anew")
     args.add_argument("--only-kept", action="store_true", help="measure nothing")
     given = args.parse_args()
     if given.cameras == "calibrate":
