@@ -223,17 +223,22 @@ def list_cells(given: argparse.Namespace) -> Iterator[tuple[str, str, tuple]]:
             yield from ((name, kind, strength) for name in given.objects)
 
 
+def read_kept(path: Path) -> dict:
+    """The cells of a file: by what they are of, damage, object and method; none if it is new."""
+    return json.loads(path.read_text()) if path.exists() else {}
+
+
 def measure_all(given: argparse.Namespace) -> dict:
     """Every cell that is not in the file; the file is written after each."""
-    kept = json.loads(given.json.read_text()) if given.json.exists() else {}
+    kept = read_kept(given.json)
     about = f"{given.views} views of {given.size}, {given.cameras}, seed {given.seed}"
-    workers = {} if given.only_kept else start_workers(given)
+    workers = start_workers(given)
     methods = [m for m in given.methods if m in (*INSIDE, *workers)]
     for name, kind, strength in list_cells(given):
         row = kept.setdefault(about, {}).setdefault(name_cell(kind, strength), {})
         row = row.setdefault(name, {})
         lacking = [method for method in methods if method not in row or method in given.again]
-        if not lacking or given.only_kept:
+        if not lacking:
             continue
         clean = make_clean(name, given.views, given.size, given.cameras == "calibrate")
         case = damage_case(clean, kind, strength, given.seed)
@@ -275,7 +280,7 @@ def main() -> None:
         if strange := [name for name in given.objects if name in REAL]:
             args.error(f"--cameras calibrate needs a truth; {', '.join(strange)} have none")
     torch.set_num_threads(1)
-    print(tabulate(measure_all(given)))
+    print(tabulate(read_kept(given.json) if given.only_kept else measure_all(given)))
 
 
 if __name__ == "__main__":

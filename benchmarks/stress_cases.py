@@ -112,8 +112,11 @@ def _thin_out(case: Case, strength: tuple, seed: int) -> Case:
 
 
 def _step_nearer(case: Case, strength: tuple, seed: int) -> Case:
-    """Portrait photographs of which a share is cut, taken anew where there is a truth."""
-    maps, frames, close = damage.step_nearer(case.masks, *strength, seed)
+    """Portrait photographs of which a share is cut, taken anew where there is a truth.
+
+    None of them is wrong: a frame is no outline.
+    """
+    maps, frames, _ = damage.step_nearer(case.masks, *strength, seed)
     nearer = case.cameras.in_pixels_of(torch.from_numpy(maps), case.cameras.sizes)
     if case.repaint:
         pictures, masks = case.repaint(nearer)
@@ -121,8 +124,7 @@ def _step_nearer(case: Case, strength: tuple, seed: int) -> Case:
         masks = damage.look_through(case.masks, maps, frames)
         pictures = _look_through(case.pictures, maps)
     masks = damage.keep_inside(masks, frames)
-    clean = _clean(case.truth, nearer, masks, frames, pictures, case.repaint)
-    return replace(clean, wrong=tuple(close))
+    return _clean(case.truth, nearer, masks, frames, pictures, case.repaint)
 
 
 def _swap(case: Case, strength: tuple, seed: int) -> Case:
