@@ -8,13 +8,14 @@ from shlex import quote
 from snakemake.utils import min_version
 
 from silmesh.errors import InputError
+from silmesh.own_code import own_file
 from silmesh.planning.lock import BusyError, begin_run, end_with_parent
 from silmesh.planning.places import try_places
 from silmesh.planning.plan import Plan
 from silmesh.planning.provenance import code_digest as digest_code
 from silmesh.planning.provenance import file_digest, read_digest
 from silmesh.settings.cameras import Features, Matches, Reconstruction
-from silmesh.settings.fit import SoftRasFit
+from silmesh.settings.fit import AUTO, SoftRasFit
 from silmesh.settings.silhouettes import FOREGROUND_MODELS, WEIGHTS
 from silmesh.settings.train import TRAINED
 from silmesh.synthetic.layout import is_promised, photograph_names, promised_files

@@ -20,7 +20,7 @@ from silmesh.geometry.camera import Cameras
 from silmesh.geometry.silhouette_iou import coherence
 from silmesh.geometry.visual_hull import carve
 from silmesh.naming import natural_key
-from silmesh.scene.scene import normalising
+from silmesh.scene.scene import find_similarity
 from silmesh.silhouettes import read_silhouettes
 from silmesh.softras import soft_silhouettes
 from silmesh.synthetic.dataset import make_object
@@ -151,7 +151,7 @@ def measure_photographs(folder: Path, step: float) -> dict:
     start = time.perf_counter()
     found = calibrate(seen, views, step=step)
     seconds = time.perf_counter() - start
-    cameras = found.cameras.in_world_of(normalising(found.cameras, seen))
+    cameras = found.cameras.in_world_of(find_similarity(found.cameras, seen))
     after = coherence(carve(seen, cameras), cameras, seen)
     return {
         "coherence_report": float(before.mean()),

@@ -28,7 +28,7 @@ from silmesh.report.pictures import camera_of, draw_edges, frame, shade, trace
 from silmesh.scene.scene import SILHOUETTES, VIEWS, read_scene
 from silmesh.settings.fit import SoftRasFit
 from silmesh.settings.init import Init
-from silmesh.shapes.downsample import look_smaller, render
+from silmesh.shapes.downsample import downsample, render
 from silmesh.shapes.initial import PLACED, make_initial_mesh
 from silmesh.silhouettes import read_silhouettes
 
@@ -53,12 +53,12 @@ def measure(scene: Path, truth: Path | None, shape: str, given: argparse.Namespa
     start = time.process_time()
     first = make_initial_mesh(init, silhouettes, cameras)
     seconds = time.process_time() - start
-    small, eyes = look_smaller(silhouettes, cameras, given.size, given.views)
+    small, eyes = downsample(silhouettes, cameras, given.size, given.views)
     edges = first.mesh.edges_unique_length
     world = first.mesh.copy()
     world.apply_scale(0.5)
     result = {
-        **first.told,
+        **first.notes,
         "iou": mean_iou(render(world, eyes, small.shape[1:]), small),
         "edge_spread": float(edges.std() / edges.mean()),
         "least_angle": float(np.degrees(first.mesh.face_angles.min())),

@@ -47,7 +47,7 @@ def find(views: list[View], method: str, work: Path) -> Path:
         alpha.save(work / "alpha" / f"{view.view}.png")
     for view in views:
         with Image.open(work / "alpha" / f"{view.view}.png") as alpha:
-            found = np.asarray(view.place(alpha, Image.Resampling.BILINEAR)) > 127
+            found = np.asarray(view.into_square(alpha, Image.Resampling.BILINEAR)) > 127
         encode(found).save(work / method / f"{view.view}.png")
     return work / method
 

@@ -1,4 +1,9 @@
-"""Adds to the site what is made from the code."""
+"""Adds to the site what is made from the code and from the notebook."""
+
+import json
+from base64 import b64decode
+from collections.abc import Iterator
+from pathlib import Path
 
 from mkdocs.structure.files import File, Files
 
@@ -31,8 +36,35 @@ More is said of `quality` in [Silhouettes](silhouettes.md#policy), of `matting`
 """
 
 
+NOTEBOOK = Path(__file__).with_name("notebook.ipynb")
+PNG, TEXT = "image/png", "text/plain"
+
+
 def on_files(files: Files, config: dict) -> Files:
-    """Add the page of the configuration's keys."""
+    """Add the page of the configuration's keys, and the notebook with its pictures."""
     page = CONFIGURATION + describe_configuration()
     files.append(File.generated(config, "configuration.md", content=page))
+    for name, content in read_notebook(NOTEBOOK).items():
+        files.append(File.generated(config, name, content=content))
     return files
+
+
+def read_notebook(file: Path) -> dict[str, str | bytes]:
+    """The files of a notebook's page: its Markdown first, then the pictures in it."""
+    page, pictures = [], {}
+    for cell in json.loads(file.read_text(encoding="utf-8"))["cells"]:
+        text = "".join(cell["source"])
+        page.append(text if cell["cell_type"] == "markdown" else f"```python\n{text}\n```")
+        for data in _outputs_of(cell):
+            if PNG in data:
+                name = f"{file.stem}-{len(pictures)}.png"
+                pictures[name] = b64decode(data[PNG])
+                page.append(f"![What the lines above draw]({name})")
+            elif TEXT in data:
+                page.append(f"```text\n{''.join(data[TEXT])}\n```")
+    return {f"{file.stem}.md": "\n\n".join(page) + "\n", **pictures}
+
+
+def _outputs_of(cell: dict) -> Iterator[dict]:
+    """What a cell showed when it was run last, by type."""
+    return (output["data"] for output in cell.get("outputs", []) if "data" in output)

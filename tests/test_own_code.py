@@ -1,13 +1,23 @@
 """A person's own functions: called, and blamed by file and line for what they raise."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
+import torch
+from PIL import Image
 from scenes import silhouettes, turntable
 
+import silmesh
 from silmesh.errors import InputError
+from silmesh.fitting.presets import find_procedure
+from silmesh.fitting.renderers import find_renderer
 from silmesh.own_code import call, own_file, refuse_lacking
+from silmesh.settings.check import check
+from silmesh.settings.fit import RENDERERS, Fit, OwnFit
 from silmesh.settings.init import Init
 from silmesh.shapes.initial import make_initial_mesh
+from silmesh.softras import soft_silhouettes
 
 BALL = """\
 import trimesh
@@ -47,7 +57,7 @@ def test_a_name_is_told_from_a_method_of_ours(own):
 def test_the_mesh_of_a_function_is_fitted_as_it_stands_in_the_world(own, scene):
     first = make_initial_mesh(Init(shape=own + "ball"), *scene)
     np.testing.assert_allclose(np.linalg.norm(first.mesh.vertices, axis=1), 0.6)  # is halved
-    assert first.told["shape"] == own + "ball"
+    assert first.notes["shape"] == own + "ball"
     plain = make_initial_mesh(Init(shape=own + "ball", align="none"), *scene)
     assert np.linalg.norm(plain.mesh.vertices, axis=1).max() == pytest.approx(1)
 
@@ -78,3 +88,197 @@ def test_a_file_that_cannot_be_read_is_refused_before_it_is_run(tmp_path):
         call(f"{tmp_path / 'bad.py'}:f")
     with pytest.raises(InputError, match=r"init.shape: .*no\.py: is not there"):
         refuse_lacking("init.shape", f"{tmp_path / 'no.py'}:f")
+
+
+RED = """\
+def red(photograph):
+    return photograph[..., 0] > 100
+
+def soft(photograph):
+    return photograph[..., 0] / 255
+
+def blind(photograph):
+    return photograph[:, 10_000]
+
+def none():
+    pass
+"""
+RENDERER = """\
+from silmesh.softras import soft_silhouettes
+
+called = []
+
+def ours(points, faces, size, sigma):
+    called.append(size)
+    return soft_silhouettes(points, faces, size, sigma)
+
+def flat(points, faces, size, sigma):
+    return ours(points, faces, size, sigma)[0]
+
+def dead(points, faces, size, sigma):
+    return ours(points.detach(), faces, size, sigma)
+
+def wrong(points, faces, size, sigma):
+    return points.nothing
+"""
+PRESET = """\
+from silmesh.fitting.softras import SoftRas
+
+class Mine(SoftRas):
+    def step(self):
+        if self._settings.options.get("fail"):
+            raise RuntimeError("as told")
+        losses = super().step()
+        if self._settings.options.get("name"):
+            return {"mine": losses["loss"]}
+        return losses
+
+def number(*parts):
+    return 7
+"""
+POINTS = torch.tensor([[[2.0, 2.0], [12.0, 3.0], [5.0, 11.0]]], requires_grad=True)
+FACES = torch.tensor([[0, 1, 2]])
+
+
+@pytest.fixture(scope="module")
+def photographs(tmp_path_factory):
+    """An orange ellipsoid on a turntable: its photographs, and its silhouettes in them."""
+    folder = tmp_path_factory.mktemp("photographs")
+    shown = silhouettes(turntable(6, 48, elevation=10), (0.45, 0.3, 0.2))
+    for i, silhouette in enumerate(shown):
+        pixels = np.full((48, 48, 3), 20, np.uint8)
+        pixels[silhouette] = (200, 120, 40)
+        Image.fromarray(pixels).save(folder / f"r{i}.png")
+    return silmesh.read_photographs(folder, size=48), shown
+
+
+@pytest.fixture(scope="module")
+def fitted_scene(photographs):
+    found = silmesh.find_silhouettes(photographs[0])
+    return silmesh.find_cameras(photographs[0], found, "turntable", turntable="2.732,10,60")
+
+
+@pytest.fixture
+def code(tmp_path):
+    """Writes a file of one's own; gives what its functions' names follow."""
+
+    def write(text):
+        (tmp_path / "code.py").write_text(text)
+        return f"{tmp_path / 'code.py'}:"
+
+    return write
+
+
+def test_silhouettes_are_those_that_a_function_gives(photographs, code):
+    found = silmesh.find_silhouettes(photographs[0], source=code(RED) + "red")
+    np.testing.assert_array_equal(found.silhouettes, photographs[1])
+    assert found.policy == "repair"
+
+
+@pytest.mark.parametrize(
+    ("function", "message"),
+    [
+        ("soft", r"r0\.png: gives float64 \[48, 48\]; should give a numpy array, bool \[48, 48\]"),
+        ("blind", r"code\.py, line 8: IndexError"),
+        ("none", r"code\.py: TypeError: none\(\) takes 0"),
+        ("lacking", "defines no function 'lacking'"),
+    ],
+)
+def test_silhouettes_that_cannot_be_are_refused(photographs, code, function, message):
+    with pytest.raises(InputError, match=message):
+        silmesh.find_silhouettes(photographs[0], source=code(RED) + function)
+
+
+def test_an_unknown_source_is_refused_with_those_that_are(photographs):
+    with pytest.raises(InputError, match="mask, alpha, threshold, deeplab, matting, not 'magic'"):
+        silmesh.find_silhouettes(photographs[0], source="magic")
+
+
+def fit_ball(scene, **settings):
+    return silmesh.fit(silmesh.initial_mesh(scene, "sphere", vertices=162), scene, **settings)
+
+
+@pytest.mark.parametrize("preset", ["softras", "fast"])
+def test_each_renderer_fits_as_the_default_does(fitted_scene, code, preset):
+    told = {"preset": preset, "iterations": 3, "device": "cpu"}
+    usual = fit_ball(fitted_scene, **told)
+    for renderer in (*RENDERERS, code(RENDERER) + "ours"):
+        fitted = fit_ball(fitted_scene, renderer=renderer, **told)
+        most = 1e-3 if renderer == "reference" else 0
+        assert np.abs(fitted.mesh.vertices - usual.mesh.vertices).max() <= most
+
+
+@pytest.mark.parametrize(
+    ("function", "message"),
+    [
+        ("flat", r"code\.py:flat: gives torch\.float32 \[16, 14\] on cpu; should give alpha, "),
+        ("dead", "no gradient with respect to the points"),
+        ("wrong", r"code\.py, line 16: AttributeError"),
+    ],
+)
+def test_a_renderer_that_cannot_be_is_refused(code, function, message):
+    render = find_renderer(code(RENDERER) + function)
+    with pytest.raises(InputError, match=message):
+        render(POINTS, FACES, (16, 14), 1e-4)
+
+
+def test_a_renderer_gives_what_ours_gives(code):
+    expected = soft_silhouettes(POINTS, FACES, (16, 14), 1e-4)
+    for name in (*RENDERERS, code(RENDERER) + "ours"):
+        alpha = find_renderer(name)(POINTS, FACES, (16, 14), sigma=1e-4)
+        torch.testing.assert_close(alpha, expected, atol=1e-5, rtol=0)
+
+
+def test_a_renderer_of_the_cpu_is_no_renderer_of_a_gpu(fitted_scene):
+    with pytest.raises(InputError, match="'cpu' does not render on the device 'cuda'"):
+        fit_ball(fitted_scene, renderer="cpu", device="cuda")
+
+
+def test_a_procedure_of_ones_own_fits(fitted_scene, code):
+    told = {"iterations": 3, "device": "cpu"}
+    usual = fit_ball(fitted_scene, preset="softras", **told)
+    own = fit_ball(fitted_scene, preset=code(PRESET) + "Mine", options={"step": 2}, **told)
+    np.testing.assert_array_equal(own.mesh.vertices, usual.mesh.vertices)
+    assert isinstance(own.settings, OwnFit)
+
+
+@pytest.mark.parametrize(
+    ("function", "options", "message"),
+    [
+        ("Mine", {"fail": True}, r"code\.py, line 6: RuntimeError: as told"),
+        ("Mine", {"name": 1}, "a step gives mine; should give flatten, iou_loss, laplacian, loss"),
+        ("number", {}, r"code\.py:number: gives int, which lacks verts, faces, done"),
+    ],
+)
+def test_a_procedure_that_cannot_be_is_refused(fitted_scene, code, function, options, message):
+    with pytest.raises(InputError, match=message):
+        fit_ball(fitted_scene, preset=code(PRESET) + function, options=options, iterations=2)
+
+
+def test_vertices_that_are_no_points_are_refused(code):
+    @dataclass
+    class Flat:
+        verts = torch.zeros(4, 2)
+        faces = torch.zeros(4, 3, dtype=torch.int64)
+        done, halvings = True, 0
+        step = correct = state = restore = None
+
+    own = code("def give(fit):\n    return fit\n") + "give"
+    with pytest.raises(InputError, match=r"has \[4, 2\]; should have verts, float \[verts, 3\]"):
+        find_procedure(own)(Flat())
+
+
+def test_settings_of_a_fit_of_ones_own_are_checked():
+    fit = check(Fit, {"preset": "mine.py:fit", "options": {"a": 1, "b": 0.5, "c": "x"}}, "here")
+    assert (fit.options, fit.iterations) == ({"a": 1, "b": 0.5, "c": "x"}, 2000)
+    wrong = {
+        r"here: option: unknown key; did you mean 'options'\?": {"option": {}},
+        "here: options: should be names, each with ": {"options": 3},
+        "here: iterations: should be a whole number": {"iterations": 0},
+        "here: renderer: should be 'auto', 'cpu' or 'reference' or 'path": {"renderer": "cup"},
+    }
+    for message, values in wrong.items():
+        with pytest.raises(InputError, match=message):
+            check(Fit, {"preset": "mine.py:fit", **values}, "here")
+    with pytest.raises(InputError, match="preset: should be 'softras' or 'fast' or 'path"):
+        check(Fit, {"preset": "fats"}, "here")

@@ -12,9 +12,9 @@ from silmesh.geometry.mesh_files import to_tensors
 from silmesh.geometry.silhouette_iou import coherence
 from silmesh.geometry.visual_hull import carve
 from silmesh.naming import match_masks
-from silmesh.scene.agreement import place
+from silmesh.scene.agreement import normalise
 from silmesh.scene.conventions import settle
-from silmesh.scene.scene import normalising
+from silmesh.scene.scene import find_similarity
 from silmesh.settings.fit import SoftRasFit
 from silmesh.settings.init import Init
 from silmesh.shapes.initial import make_initial_mesh
@@ -100,7 +100,7 @@ def test_the_bunnys_matrices_agree_with_its_masks(data, tmp_path):
     attempt = attempt_from_file(bunny / "projections", views)
     assert (len(attempt.cameras), attempt.dropped, attempt.warnings) == (36, {}, ())
     seen = read_silhouettes(tmp_path / "silhouettes", attempt.cameras.views)
-    cameras = attempt.cameras.in_world_of(normalising(attempt.cameras, seen))
+    cameras = attempt.cameras.in_world_of(find_similarity(attempt.cameras, seen))
     assert coherence(carve(seen, cameras), cameras, seen).mean() >= 0.95
 
 
@@ -139,4 +139,4 @@ def test_cameras_of_other_programs_agree_with_masks(
     attempt = attempt_from_file(data / name / file, placed)
     assert len(attempt.cameras) == views
     seen = read_silhouettes(tmp_path / "silhouettes", attempt.cameras.views)
-    assert place(attempt.cameras, seen).mean >= coherent
+    assert normalise(attempt.cameras, seen).mean >= coherent

@@ -9,9 +9,9 @@ Stages follow one another:
     photographs = silmesh.read_photographs("photos/")
     found = silmesh.find_silhouettes(photographs, masks="masks/")
     scene = silmesh.find_cameras(photographs, found)
-    first = silmesh.initial_mesh(scene)
-    fitted = silmesh.fit(first, scene)
-    mesh, metrics = silmesh.colour(fitted, scene), silmesh.evaluate(fitted, scene, first)
+    initial = silmesh.initial_mesh(scene)
+    fitted = silmesh.fit(initial, scene)
+    mesh, metrics = silmesh.colour(fitted, scene), silmesh.evaluate(fitted, scene, initial)
 
 World   of a scene: normalised, y up, the object in the sphere of radius 0.5 about the origin; of
         what a fit gives: the cameras' own. Cameras are OpenCV's (``silmesh.geometry.camera``).
@@ -51,7 +51,7 @@ from silmesh.settings.check import check
 from silmesh.settings.fit import Fit, SoftRasFit
 from silmesh.settings.init import Init
 from silmesh.settings.quality import Quality
-from silmesh.settings.silhouettes import FOREGROUND_MODELS, Networks
+from silmesh.settings.silhouettes import FOREGROUND_MODELS, Networks, check_source
 from silmesh.settings.views import Views
 from silmesh.shapes.initial import Initial, make_initial_mesh
 from silmesh.silhouettes import Found
@@ -101,8 +101,8 @@ class Silhouettes(Found):
     """The silhouettes of all photographs, and where they come from.
 
     Attributes:
-        source: ``mask``, ``alpha``, ``threshold``, ``deeplab`` or ``matting``
-        policy: what is done with doubtful ones: ``keep``, ``drop`` or ``repair``
+        source: ``mask``, ``alpha``, ``threshold``, a network, or ``path/to/file.py:function``
+        policy: what is done with outliers: ``keep``, ``drop`` or ``repair``
     """
 
     source: str = "mask"
@@ -166,12 +166,13 @@ def reconstruct(
             beside these if not given
         cameras: ``calibrate``, ``colmap``, ``auto``, ``turntable`` (known), a file or folder of
             cameras, or cameras of the photographs; chosen by what the photographs show if not given
-        silhouettes: ``mask``, ``alpha``, ``threshold``, ``matting`` or ``deeplab``; likewise
+        silhouettes: ``mask``, ``alpha``, ``threshold``, ``matting``, ``deeplab``, or a function of
+            your own as ``path/to/file.py:function`` (``docs/extending.md``); chosen likewise
         turntable: what is known of it, ``distance,elevation,step`` in scene units and degrees
         size: side of the working images, in pixels
-        init: shape of the initial mesh
-        preset: of the fit, ``fast`` or ``softras``
-        quality: what is done with doubtful silhouettes: ``auto``, ``keep``, ``drop``, ``repair``
+        init: shape of the initial mesh, or a function of your own
+        preset: of the fit, ``fast`` or ``softras``, or a function of your own
+        quality: what is done with outliers: ``auto``, ``keep``, ``drop`` or ``repair``
         truth: the true mesh, or its file, in the frame of the cameras; metrics compare with it
         settings: more of the configuration by its sections, as ``{"fit": {"iterations": 300}}``
         progress: is told each stage's name and which share of it is done
@@ -179,18 +180,16 @@ def reconstruct(
     Raises:
         InputError: what is given cannot be used, or no cameras agree with the silhouettes
     """
-    sections = _check_sections(settings or {})
-    sections["views"] = {"size": size, **sections["views"]}
-    sections["init"] = {"shape": init, **sections["init"]}
-    sections["fit"] = {"preset": preset, **sections["fit"]}
-    sections["quality"] = {"policy": quality, **sections["quality"]}
+    named = {"views": {"size": size}, "init": {"shape": init}}
+    named |= {"fit": {"preset": preset}, "quality": {"policy": quality}}
+    sections = _check_sections(settings or {}, named)
     beside = [path for path in (masks, cameras) if isinstance(path, str | Path)]
     files, notes, video = _find_files(photographs, beside)
-    seen = _Seen(files, masks, silhouettes)
-    policy, fewest = _policy(seen.source, sections["quality"])
+    origin = _SilhouetteSource(files, masks, silhouettes)
+    policy, fewest = _policy(origin.source, sections["quality"])
     shown = _read(files, notes, video, sections["views"], policy, fewest, _tell(progress, "views"))
-    network = sections.get(seen.source, {})
-    found = _find_silhouettes(shown, seen, policy, network, _tell(progress, "silhouettes"))
+    network = sections.get(origin.source, {})
+    found = _find_silhouettes(shown, origin, policy, network, _tell(progress, "silhouettes"))
     scene = find_cameras(
         shown,
         found,
@@ -201,15 +200,15 @@ def reconstruct(
         colmap=sections["colmap"],
         progress=_tell(progress, "cameras"),
     )
-    first = initial_mesh(scene, **sections["init"], progress=_tell(progress, "initial mesh"))
-    fitted = fit(first, scene, **sections["fit"], progress=_tell(progress, "fit"))
+    initial = initial_mesh(scene, **sections["init"], progress=_tell(progress, "initial mesh"))
+    fitted = fit(initial, scene, **sections["fit"], progress=_tell(progress, "fit"))
     return Reconstruction(
         colour(fitted, scene),
         fitted.cameras,
         scene.silhouettes,
-        evaluate(fitted, scene, first, truth),
+        evaluate(fitted, scene, initial, truth),
         fitted.records,
-        first,
+        initial,
         scene,
     )
 
@@ -252,8 +251,7 @@ def find_silhouettes(
 
     Args:
         masks: a folder, a glob or files, as for ``reconstruct``
-        source: ``mask``, ``alpha``, ``threshold``, ``matting`` or ``deeplab``; chosen by what the
-            photographs show if not given
+        source: as ``silhouettes`` of ``reconstruct``
         policy: ``keep`` refuses a silhouette that cannot be used; ``drop`` and ``repair`` let it be
             empty; ``auto`` is as for ``reconstruct``
         progress: is told which share is done
@@ -262,9 +260,9 @@ def find_silhouettes(
     Raises:
         InputError: a silhouette cannot be found or used
     """
-    seen = _Seen(photographs.files, masks, source)
-    policy, _ = _policy(seen.source, {"policy": policy})
-    return _find_silhouettes(photographs, seen, policy, settings, progress)
+    origin = _SilhouetteSource(photographs.files, masks, source)
+    policy, _ = _policy(origin.source, {"policy": policy})
+    return _find_silhouettes(photographs, origin, policy, settings, progress)
 
 
 def find_cameras(
@@ -286,7 +284,7 @@ def find_cameras(
             cameras in pixels of the photographs or of the working images, named like these; chosen
             by what the photographs show if not given, and by how far silhouettes agree
         turntable: what is known of it, as for ``reconstruct``
-        fewest: views that must be left where doubtful ones are dropped
+        fewest: views that must be left where outliers are dropped
         calibrate, colmap: of the configuration's sections
         progress: is told which share is done of what takes longest
     Returns:
@@ -316,12 +314,12 @@ def find_cameras(
 def initial_mesh(
     scene: Scene, shape: str = HULL, *, progress: Share = untold, **settings: Any
 ) -> Initial:
-    """Make an initial mesh, at unit size: ``.mesh``, and ``.told`` of how it was made.
+    """Make an initial mesh, at unit size: ``.mesh``, and ``.notes`` of how it was made.
 
     Args:
         scene: that it is for
         shape: ``sphere``, ``ellipsoid``, ``cylinder``, ``cube``, ``prism``, ``hull``, or ``auto``,
-            which tries all but the sphere
+            which tries all but the sphere; or a function of your own
         progress: is told which share of the trials of ``auto`` is done
         settings: more of the configuration's section ``init``
 
@@ -334,7 +332,7 @@ def initial_mesh(
         scene.cameras,
         trial_with(SoftRasFit()),
         progress,
-        scene.told["frame"],
+        scene.notes["frame"],
     )
 
 
@@ -354,7 +352,8 @@ def fit(
     Args:
         mesh: at unit size, closed; your own, or an initial mesh
         scene: from ``find_cameras``
-        preset: ``fast``: ours; ``softras``: the report's procedure to the letter
+        preset: ``fast``: ours; ``softras``: the report's procedure to the letter; or a function of
+            your own
         progress: is told which share of the steps is done
         watch: is told the losses before each step
         settings: more of the configuration's section ``fit``
@@ -386,14 +385,14 @@ def evaluate(
         fitted: by ``fit``
         scene: that it was fitted to
         initial: of which the metrics say how it was made
-        truth: the true mesh, or its file, in the frame of the cameras; the mesh is first laid on it
-            where the cameras were found from the photographs
+        truth: the true mesh, or its file, in the frame of the cameras; the mesh is first registered
+            with it if the cameras were found from the photographs
 
     Raises:
         InputError: the truth cannot be read
     """
     known = read_mesh(Path(truth)) if isinstance(truth, str | Path) else truth
-    estimated = scene.told["cameras"] not in ("turntable", FILE)
+    estimated = scene.notes["cameras"] not in ("turntable", FILE)
     return metrics.evaluate(
         fitted.mesh,
         fitted.cameras,
@@ -401,7 +400,7 @@ def evaluate(
         asdict(fitted.records[-1]),
         fitted.settings.sigma_at(scene.silhouettes.shape[-1]),
         fitted.settings.holdout,
-        initial.told if initial else None,
+        initial.notes if initial else None,
         truth=known,
         align=estimated,
     )
@@ -420,7 +419,7 @@ def colour(fitted: Fitted, scene: Scene) -> trimesh.Trimesh:
     return trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=colours, process=False)
 
 
-class _Seen:
+class _SilhouetteSource:
     """Where silhouettes come from: the source, and the mask of each photograph or none.
 
     Args:
@@ -430,6 +429,8 @@ class _Seen:
     """
 
     def __init__(self, files: Sequence[Path], masks: Paths | None, source: str | None):
+        if source is not None:
+            check_source(source)
         if masks is not None and source not in (None, "mask"):
             raise InputError(
                 f"masks {masks}: silhouettes {source!r} take no masks; leave one of the two out"
@@ -490,23 +491,23 @@ def _read(
 
 def _find_silhouettes(
     photographs: Photographs,
-    seen: _Seen,
+    origin: _SilhouetteSource,
     policy: str,
     settings: Mapping[str, Any],
     progress: Share,
 ) -> Silhouettes:
     views = photographs.views
     found = find_each(
-        seen.source,
+        origin.source,
         views,
         photographs.images,
-        seen.masks,
-        _prepare(seen.source, settings),
+        origin.masks,
+        _prepare(origin.source, settings),
         policy != "keep",
         lambda done: progress(done / len(views)),
         torch.get_num_threads(),
     )
-    return Silhouettes(found.silhouettes, found.spared, found.lost, seen.source, policy)
+    return Silhouettes(found.silhouettes, found.spared, found.lost, origin.source, policy)
 
 
 def _prepare(source: str, settings: Mapping[str, Any]) -> Any:
@@ -589,7 +590,7 @@ class _Search:
 
 def _attempt_own(cameras: Cameras, views: Sequence[View]) -> Attempt:
     """Cameras that a person has in memory, as an attempt."""
-    from silmesh.cameras.formats.matching import Rules, match
+    from silmesh.cameras.formats.assignment import Rules, match
 
     attempt = match(Path(OWN), cameras, views, Rules(working=True))
     figures = {"file": OWN, "cameras": len(cameras), "written": WORLD_TO_CAMERA}
@@ -597,12 +598,12 @@ def _attempt_own(cameras: Cameras, views: Sequence[View]) -> Attempt:
 
 
 def _judge(search: _Search, source: CameraSource, fewest: int) -> Scene:
-    """The scene by one source of cameras, its doubtful views dealt with."""
+    """The scene by one source of cameras, its outliers kept, dropped or repaired."""
     attempts, keep_world = search.attempt(source)
     found, shown = search.found, search.photographs
     made = build_scene(attempts, shown.views, found.silhouettes, keep_world, found.lost)
-    straight = made.straightened
-    images = {v: straight.image(v, shown.images[v]) for v in made.scene.cameras.views}
+    undistorted = made.undistorted
+    images = {v: undistorted.image(v, shown.images[v]) for v in made.scene.cameras.views}
     whole = replace(made.scene, images=images)
     return judge_scene(whole, found.policy, fewest, keep_world, search.progress).scene
 
@@ -611,12 +612,14 @@ def _tell(progress: Callable[[str, float], None], stage: str) -> Share:
     return lambda share: progress(stage, share)
 
 
-def _check_sections(settings: Mapping[str, Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """The sections of the configuration by their names, of which each is there."""
+def _check_sections(
+    settings: Mapping[str, Mapping[str, Any]], named: Mapping[str, Mapping[str, Any]]
+) -> dict[str, dict[str, Any]]:
+    """All sections of the configuration: the settings, over those that have arguments' names."""
     for name in settings:
         if name not in SECTIONS:
             raise InputError(f"settings: {name!r} is no section; known are {', '.join(SECTIONS)}")
-    return {name: dict(settings.get(name, {})) for name in SECTIONS}
+    return {name: {**named.get(name, {}), **settings.get(name, {})} for name in SECTIONS}
 
 
 def _check(section: str, values: Mapping[str, Any]) -> Any:
@@ -625,6 +628,6 @@ def _check(section: str, values: Mapping[str, Any]) -> Any:
 
 
 def _policy(source: str, quality: Mapping[str, Any]) -> tuple[str, int]:
-    """What is done with doubtful silhouettes of a source, and how many must be left."""
+    """What is done with outliers among the silhouettes of a source, and how many must be left."""
     chosen = _check("quality", quality)
     return chosen.policy_for(source), chosen.fewest

@@ -5,10 +5,12 @@ import reprlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
-LONGEST = 8000  # characters of a message, whatever was found
-WORDS = 200  # characters of what a library says
-NAMED = 3  # names of many
-UNPRINTABLE = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")  # would move or colour a terminal
+LONGEST = 8000  # most characters of a message
+WORDS = 200  # most characters of a library's own message in ours
+NAMED = 3  # most names that a message lists
+UNPRINTABLE = re.compile(
+    r"[\x00-\x08\x0b-\x1f\x7f-\x9f]"
+)  # control characters, which would move a terminal's cursor
 
 
 class InputError(ValueError):

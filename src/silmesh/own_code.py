@@ -1,7 +1,12 @@
-"""Functions of a person's own, which the configuration names as ``path/to/file.py:function``."""
+"""Functions of a person's own, which the configuration names as ``path/to/file.py:function``.
+
+A class does as well: it is called, too.
+"""
 
 import ast
+import sys
 import traceback
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from importlib.util import module_from_spec, spec_from_file_location
@@ -19,21 +24,30 @@ def own_file(name: str) -> Path | None:
     return Path(f"{file}.py") if found and function.isidentifier() else None
 
 
+def own_files(*names: str) -> list[Path]:
+    """The files of those of the names that are of a person's own functions, each once."""
+    return list(dict.fromkeys(filter(None, map(own_file, names))))
+
+
 def refuse_lacking(key: str, name: str) -> None:
     """Refuse a function whose file is not there or does not define it, without running any of it.
 
     Args:
         key: of the configuration, for messages
+        name: of a method of ours, which passes, or of a function of a person's own
 
     Raises:
         InputError: it is so
     """
-    file, function = own_file(name), name.rpartition(":")[2]
+    if (file := own_file(name)) is None:
+        return
+    function = name.rpartition(":")[2]
     if not file.is_file():
         raise InputError(f"{key}: {file}: is not there; {SHOULD}")
-    with _naming(file):
+    with _naming_all(file):
         tree = ast.parse(file.read_text(encoding="utf-8"), str(file))
-    if function not in {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}:
+    kinds = (ast.FunctionDef, ast.ClassDef)
+    if function not in {node.name for node in tree.body if isinstance(node, kinds)}:
         raise InputError(f"{key}: {file}: defines no function {function!r}; {SHOULD}")
 
 
@@ -44,28 +58,69 @@ def call(name: str, *arguments: Any) -> Any:
         InputError: its file is not there, it is not in it, or it raises anything; the message names
             the file and the line
     """
+    return ask(name, load(name), *arguments)
+
+
+def ask(name: str, function: Callable[..., Any], *arguments: Any) -> Any:
+    """What a person's own function, which ``load`` gave, gives; errors are those of ``call``."""
+    with _naming_all(own_file(name)):
+        return function(*arguments)
+
+
+def load(name: str) -> Callable[..., Any]:
+    """A person's own function; its file is run anew.
+
+    Raises:
+        InputError: its file is not there, it is not in it, or the file raises anything
+    """
     refuse_lacking("own code", name)
     file = own_file(name)
-    with _naming(file):
-        return _load(file, name.rpartition(":")[2])(*arguments)
-
-
-def _load(file: Path, function: str) -> Callable[..., Any]:
-    spec = spec_from_file_location(f"silmesh_own_{file.stem}", file)
+    where = str(file.absolute())
+    spec = spec_from_file_location(f"silmesh_own_{zlib.crc32(where.encode()):08x}", file)
     module = module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return getattr(module, function)
+    with _naming_all(file):
+        sys.modules[spec.name] = module  # where dataclasses and pickles look for it
+        spec.loader.exec_module(module)
+    return getattr(module, name.rpartition(":")[2])
 
 
 @contextmanager
-def _naming(file: Path) -> Iterator[None]:
-    """Make an InputError, with file and line, of whatever a person's own code raises."""
+def naming(*names: str) -> Iterator[None]:
+    """Make an InputError, with file and line, of what functions of a person's own raise in a block.
+
+    Args:
+        names: of methods; what is raised elsewhere than in the files of these passes as it is
+    """
     try:
         yield
-    except SyntaxError as error:
-        raise InputError(f"{error.filename}, line {error.lineno}: {error.msg}") from error
+    except InputError:  # says what is wrong already
+        raise
     except Exception as error:  # of whatever kind: it is not our code
-        frames = traceback.extract_tb(error.__traceback__)
-        lines = [f.lineno for f in frames if Path(f.filename).absolute() == file.absolute()]
-        where = f"{file}, line {lines[-1]}" if lines else str(file)
-        raise InputError(f"{where}: {explain(error)}") from error
+        for file in own_files(*names):
+            if line := _find_line(error, file):
+                raise InputError(f"{file}, line {line}: {_say(error)}") from error
+        raise
+
+
+@contextmanager
+def _naming_all(file: Path) -> Iterator[None]:
+    """As ``naming``, of a block that does nothing but run this file: of whatever it raises."""
+    try:
+        yield
+    except Exception as error:
+        line = _find_line(error, file)
+        where = f"{file}, line {line}" if line else str(file)
+        raise InputError(f"{where}: {_say(error)}") from error
+
+
+def _find_line(error: Exception, file: Path) -> int | None:
+    """The line of a file that an error comes from; None if it comes from elsewhere."""
+    if isinstance(error, SyntaxError) and error.filename == str(file):
+        return error.lineno
+    frames = traceback.extract_tb(error.__traceback__)
+    lines = [f.lineno for f in frames if Path(f.filename).absolute() == file.absolute()]
+    return lines[-1] if lines else None
+
+
+def _say(error: Exception) -> str:
+    return error.msg if isinstance(error, SyntaxError) else explain(error)

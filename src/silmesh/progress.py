@@ -22,10 +22,10 @@ class Progress:
     """
 
     def __init__(self, what: str, total: int, every: float = 5.0):
-        told = os.environ.get(EVERY)
-        self._what, self._total, self._every = what, total, float(told or every)
+        given = os.environ.get(EVERY)
+        self._what, self._total, self._every = what, total, float(given or every)
         self._start = self._last = time.monotonic()
-        self._quiet = not (told or sys.stdout.isatty())
+        self._quiet = not (given or sys.stdout.isatty())
 
     def __call__(self, done: int, detail: str = "") -> None:
         """Say that ``done`` parts are done, if it is time to."""

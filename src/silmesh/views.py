@@ -6,6 +6,7 @@ black; ``stretch`` fills the square, as the report does.
 
 import json
 import re
+import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -24,10 +25,12 @@ from silmesh.reading import open_array
 
 MANIFEST = "views.json"
 # Formats as Pillow calls them.
-ANIMATED = ("PNG", "WEBP", "TIFF", "AVIF")  # may have more frames
-PROGRAMS = ("EPS", "WMF")  # Pillow has another program run them
-SMALL, PACKED = 10_000_000, 8 * 1032  # pixels; pixels a byte, of one bit each and all alike
-GROUND = 124  # grey of the working image of a photograph that cannot be read
+ANIMATED = ("PNG", "WEBP", "TIFF", "AVIF")  # formats that may have several frames
+PROGRAMS = ("EPS", "WMF")  # formats that are programs, which Pillow has another program run
+# Images of more than SMALL pixels may have at most PACKED pixels a byte of their file, which is
+# what deflate reaches for equal pixels of one bit.
+SMALL, PACKED = 10_000_000, 8 * 1032
+GROUND = 124  # grey level of the working image of a photograph that cannot be read
 
 
 @dataclass(frozen=True)
@@ -70,7 +73,7 @@ class View:
         scale_y = (self.bottom - self.top) / self.height
         return np.array([[scale_x, 0, self.left], [0, scale_y, self.top], [0, 0, 1.0]])
 
-    def place(self, image: Image.Image, resample: Image.Resampling) -> Image.Image:
+    def into_square(self, image: Image.Image, resample: Image.Resampling) -> Image.Image:
         """Resize an image of the photograph's field of view into the working square."""
         square = Image.new(image.mode, (self.size, self.size))
         extent = (self.right - self.left, self.bottom - self.top)
@@ -205,11 +208,13 @@ def _open_array(path: Path) -> np.ndarray:
 
 def open_image(path: Path | str) -> Image.Image:
     """Open an image of any format that is read; HEIC has a library of its own."""
-    try:
-        return Image.open(path)
-    except UnidentifiedImageError:  # a telephone's HEIC may be called .jpg
-        _learn_heic()
-        return Image.open(path)
+    with warnings.catch_warnings():  # of more than 89 megapixels, which cameras take
+        warnings.simplefilter("ignore", Image.DecompressionBombWarning)
+        try:
+            return Image.open(path)
+        except UnidentifiedImageError:  # a telephone's HEIC may be called .jpg
+            _learn_heic()
+            return Image.open(path)
 
 
 @cache
@@ -352,7 +357,7 @@ def make_views(
             continue
         view = place_view(name, source, *image.size, size, resize)
         first = first or view
-        yield view, view.place(image, Image.Resampling.LANCZOS)
+        yield view, view.into_square(image, Image.Resampling.LANCZOS)
     for name, (source, why) in unreadable.items():
         grey = Image.new("RGB", (size, size), (GROUND,) * 3)
         yield replace(first, view=name, source=source, unreadable=why), grey
@@ -363,7 +368,7 @@ def in_order(views: Sequence[View], paths: Sequence[Path]) -> list[View]:
     """The views of these photographs in the order of the photographs."""
     if not any(view.unreadable for view in views):  # an array has its views in order
         return list(views)
-    order = {name: place for place, name in enumerate(name_views(paths))}
+    order = {name: position for position, name in enumerate(name_views(paths))}
     return sorted(views, key=lambda view: order[view.view])
 
 

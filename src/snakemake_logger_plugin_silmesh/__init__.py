@@ -43,9 +43,9 @@ class LogHandler(LogHandlerBase):
         event = getattr(record, "event", None)
         if event not in FIELDS:
             return
-        told = {name: getattr(record, name, None) for name in FIELDS[event]}
+        fields = {name: getattr(record, name, None) for name in FIELDS[event]}
         try:
-            line = json.dumps({"event": str(event), **told}, default=str)
+            line = json.dumps({"event": str(event), **fields}, default=str)
             os.write(self.settings.file, f"{line}\n".encode())
         except Exception:  # one that gets out ends the thread that logs
             self.handleError(record)

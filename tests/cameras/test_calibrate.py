@@ -21,7 +21,7 @@ from silmesh.geometry.camera import Cameras
 from silmesh.geometry.silhouette_iou import coherence
 from silmesh.geometry.visual_hull import carve
 from silmesh.naming import match_masks
-from silmesh.scene.scene import normalising
+from silmesh.scene.scene import find_similarity
 from silmesh.silhouettes import read_silhouettes, write_silhouettes
 from silmesh.softras import soft_silhouettes
 from silmesh.synthetic.dataset import make_object
@@ -95,7 +95,7 @@ def test_the_cameras_are_those_of_the_estimates(bear, found):
 
 def test_found_cameras_agree_with_the_silhouettes(bear, found):
     _, seen = bear
-    cameras = found.cameras.in_world_of(normalising(found.cameras, seen))
+    cameras = found.cameras.in_world_of(find_similarity(found.cameras, seen))
     assert coherence(carve(seen, cameras, 64), cameras, seen).mean() > 0.95
 
 
@@ -360,6 +360,6 @@ def test_the_moisturiser(data, tmp_path):
     names = [view.view for view in views]
     seen = read_silhouettes(tmp_path / "silhouettes", names)
     found = calibrate(seen, names, step=5)
-    cameras = found.cameras.in_world_of(normalising(found.cameras, seen))
+    cameras = found.cameras.in_world_of(find_similarity(found.cameras, seen))
     assert coherence(carve(seen, cameras), cameras, seen).mean() > 0.975
     assert found.direction_certain

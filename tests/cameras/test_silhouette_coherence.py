@@ -7,8 +7,8 @@ from silmesh.cameras.silhouette_coherence import (
     DEPTHS,
     HALVINGS,
     find_misses,
+    make_pose,
     measure_at,
-    place,
     trace,
 )
 from silmesh.errors import InputError
@@ -28,7 +28,7 @@ def leaned(R, t, outlines, K):
     """The cameras leaning by ten degrees, so that they contradict the silhouettes."""
     c, s = np.cos(np.radians(10)), np.sin(np.radians(10))
     lean = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-    return place(K, lean @ R, t, outlines.points)
+    return make_pose(K, lean @ R, t, outlines.points)
 
 
 def bilinear(image, x, y):
@@ -84,7 +84,7 @@ def test_the_kernel_finds_what_plain_loops_find(ellipsoid):
 
 def test_true_cameras_miss_by_less_than_the_pixels_hide(ellipsoid):
     outlines, K, R, t = ellipsoid
-    missed = find_misses(outlines, place(K, R, t, outlines.points), RADIUS).pixels
+    missed = find_misses(outlines, make_pose(K, R, t, outlines.points), RADIUS).pixels
     assert (missed <= 0).all()
     assert missed.min() > -0.75
 

@@ -1,5 +1,6 @@
 import io
 import re
+from pathlib import Path
 
 import pytest
 
@@ -30,6 +31,17 @@ def test_share_and_time_follow_what_steps_usually_take(clock):
     pace = (2 * views + START) / (views + START)
     assert bar.share == pytest.approx(views / (views + fit + other))
     assert bar.seconds_left == pytest.approx((fit + other) * pace)
+
+
+def test_the_steps_whose_times_are_listed_are_rules():
+    """A rule and its step that reports progress go by the same name."""
+    rules = Path(__file__).parents[2] / "workflow/rules"
+    named = re.findall(r"^rule (\w+):", "".join(f.read_text() for f in rules.glob("*.smk")), re.M)
+    assert set(SECONDS) <= set(named)
+    steps = Path(__file__).parents[2] / "src/silmesh/steps"
+    told = re.findall(r'share_of\(f"(\w+) ', "".join(f.read_text() for f in steps.glob("*.py")))
+    assert told
+    assert set(told) <= set(named)
 
 
 def test_a_step_at_work_counts_by_the_clock_until_it_says_how_far_it_is(clock):

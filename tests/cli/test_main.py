@@ -26,7 +26,7 @@ from silmesh.naming import natural_key
 from silmesh.planning.provenance import SOURCE
 from silmesh.settings.fit import FITS
 from silmesh.settings.quality import Policy
-from silmesh.settings.silhouettes import SilhouetteSource
+from silmesh.settings.silhouettes import SOURCES
 
 COMMAND = [sys.executable, "-c", "from silmesh.cli.main import main; main(prog_name='silmesh')"]
 VIEWS = 12
@@ -70,9 +70,26 @@ def test_completion_of_words_and_options():
 
 def test_choices_are_those_of_the_configuration():
     make = {option.name: option for option in main.commands["make"].params}
-    assert set(make["silhouettes"].type.choices) == set(get_args(SilhouetteSource))
+    assert set(make["silhouettes"].type.choices) == set(SOURCES)
     assert set(make["preset"].type.choices) == set(FITS)
     assert set(make["quality"].type.choices) == set(get_args(Policy))
+
+
+def test_a_method_is_one_of_ours_or_ones_own(tmp_path):
+    for option, known in {"--silhouettes": "mask, alpha", "--preset": "softras, fast"}.items():
+        status, said = call(tmp_path, option, "magic")
+        assert status == 2
+        assert f"'magic' is not one of {known}" in said
+        assert "nor one of your own, path/to/file.py:function" in said
+
+
+@pytest.mark.parametrize("option", ["--silhouettes", "--preset", "--init"])
+def test_code_of_ones_own_is_looked_for_before_any_work(tmp_path, monkeypatch, option):
+    monkeypatch.chdir(tmp_path)
+    photograph(tmp_path / "photos")
+    status, said = call("photos", option, "mine.py:do", "--keep", "work")
+    assert status == 2
+    assert f"{tmp_path}/mine.py: is not there; should be path/to/file.py:function" in said
 
 
 def test_what_is_wrong_is_one_line_and_status_2(tmp_path):

@@ -6,7 +6,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from silmesh.evaluation.ground_truth import compare_to_truth
-from silmesh.evaluation.registration import align
+from silmesh.evaluation.registration import register
 
 
 def teapot():
@@ -32,7 +32,7 @@ def test_a_known_similarity_is_found_again(seed):
     rotation = Rotation.random(rng=seed).as_matrix()
     scale, shift = (0.02, 1.0, 37.0)[seed], np.array([3.0, -8.0, 1.0])
     mesh = moved(truth, 1 / scale, rotation.T, -rotation.T @ shift / scale)
-    found = align(mesh, truth)
+    found = register(mesh, truth)
     assert found.scale == pytest.approx(scale, rel=1e-3)
     np.testing.assert_allclose(found.R, rotation, atol=1e-3)
     np.testing.assert_allclose(found.apply(mesh.vertices), truth.vertices, atol=1e-3)
@@ -46,7 +46,7 @@ def test_a_turn_about_the_up_axis_of_a_coarser_mesh():
     coarse = trimesh.creation.icosphere(3, 0.5)
     coarse.vertices *= [1, 0.6, 0.8] + 0.3 * coarse.vertices[:, ::-1]
     turn = Rotation.from_rotvec([0, 2.5, 0]).as_matrix()
-    found = align(moved(coarse, 0.7, turn, [0.1, 0, -0.2]), truth)
+    found = register(moved(coarse, 0.7, turn, [0.1, 0, -0.2]), truth)
     np.testing.assert_allclose(found.R, turn.T, atol=0.01)
     assert found.scale == pytest.approx(1 / 0.7, rel=0.01)
 
@@ -59,7 +59,7 @@ def test_a_mirror_image_fits_badly():
     scores = []
     for mesh in (truth, mirrored):
         copy = moved(mesh, 2.0, Rotation.random(rng=5).as_matrix(), [1, 2, 3])
-        copy.vertices = align(copy, truth).apply(copy.vertices)
+        copy.vertices = register(copy, truth).apply(copy.vertices)
         scores.append(compare_to_truth(copy, truth))
     own, other = scores
     assert own["f_score"] > 0.99
@@ -72,7 +72,7 @@ def test_a_body_of_revolution_is_laid_on_itself():
     outline = [[0.001, -0.5], [0.3, -0.5], [0.25, 0.1], [0.1, 0.4], [0.001, 0.42]]
     truth = trimesh.creation.revolve(outline, sections=96)
     mesh = moved(truth, 3.0, Rotation.random(rng=2).as_matrix(), [0, 5, 0])
-    found = align(mesh, truth)
+    found = register(mesh, truth)
     assert found.scale == pytest.approx(1 / 3, rel=1e-3)
     mesh.vertices = found.apply(mesh.vertices)
     assert compare_to_truth(mesh, truth)["chamfer"] < 0.01

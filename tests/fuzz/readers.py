@@ -310,7 +310,7 @@ def _read_image(folder: Path) -> None:
     (path,) = folder.iterdir()
     count_frames(path)
     view, image = VIEWS[0], read_image(path)
-    view.place(image, Image.Resampling.LANCZOS)
+    view.into_square(image, Image.Resampling.LANCZOS)
 
 
 def _images() -> Iterator[Reader]:

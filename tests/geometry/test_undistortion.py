@@ -10,7 +10,7 @@ from silmesh.errors import InputError
 from silmesh.geometry.camera import Similarity
 from silmesh.geometry.lens import Lens
 from silmesh.geometry.silhouette_iou import coherence
-from silmesh.geometry.undistortion import straighten
+from silmesh.geometry.undistortion import undistort
 from silmesh.geometry.visual_hull import carve
 from silmesh.scene.scene import SILHOUETTES, Scene, write_scene
 from silmesh.silhouettes import encode
@@ -49,12 +49,12 @@ def iou(a, b):
 def test_silhouettes_become_those_of_the_pinhole(lens):
     cameras = turntable(COUNT, SIZE, elevation=20)
     bent = photographed(cameras, lens)
-    straightened = straighten(with_lens(cameras, lens), bent)
-    expected = silhouettes(straightened.cameras, AXES, CENTRE)
-    assert straightened.displacement > 1
-    assert straightened.cameras.lenses == (None,) * COUNT
+    undistorted = undistort(with_lens(cameras, lens), bent)
+    expected = silhouettes(undistorted.cameras, AXES, CENTRE)
+    assert undistorted.displacement > 1
+    assert undistorted.cameras.lenses == (None,) * COUNT
     assert iou(bent, silhouettes(cameras, AXES, CENTRE)) < 0.97
-    assert iou(straightened.silhouettes(bent), expected) > 0.98
+    assert iou(undistorted.silhouettes(bent), expected) > 0.98
 
 
 def test_a_silhouette_that_would_leave_the_image_is_seen_by_a_wider_camera():
@@ -66,37 +66,37 @@ def test_a_silhouette_that_would_leave_the_image_is_seen_by_a_wider_camera():
     lens = Lens("SIMPLE_RADIAL", (-3.0,))
     bent = photographed(near, lens)
     assert not bent[:, [0, -1]].any()
-    straightened = straighten(with_lens(near, lens), bent)
-    wider = straightened.cameras.K[:, 0, 0] < near.K[:, 0, 0]
+    undistorted = undistort(with_lens(near, lens), bent)
+    wider = undistorted.cameras.K[:, 0, 0] < near.K[:, 0, 0]
     assert wider.tolist() == [True, False, True, False]  # it is thinner from its sides
-    found = straightened.silhouettes(bent)
+    found = undistorted.silhouettes(bent)
     assert not found[:, [0, -1]].any()
     assert not found[:, :, [0, -1]].any()
-    assert iou(found, silhouettes(straightened.cameras, AXES, CENTRE)) > 0.98
+    assert iou(found, silhouettes(undistorted.cameras, AXES, CENTRE)) > 0.98
 
 
 def test_a_lens_that_hardly_moves_a_pixel_is_left_out(tmp_path):
     cameras = turntable(COUNT, SIZE)
     seen = silhouettes(cameras, AXES, CENTRE)
-    straightened = straighten(with_lens(cameras, Lens("SIMPLE_RADIAL", (0.02,))), seen)
-    assert 0.01 < straightened.displacement < 0.1
-    assert not straightened.sources
-    assert straightened.cameras.lenses == (None,) * COUNT
-    assert (straightened.silhouettes(seen) == seen).all()
+    undistorted = undistort(with_lens(cameras, Lens("SIMPLE_RADIAL", (0.02,))), seen)
+    assert 0.01 < undistorted.displacement < 0.1
+    assert not undistorted.sources
+    assert undistorted.cameras.lenses == (None,) * COUNT
+    assert (undistorted.silhouettes(seen) == seen).all()
     save(tmp_path / "old.png", seen[0])
-    straightened.write_image("v0", tmp_path / "old.png", tmp_path / "new.png")
+    undistorted.write_image("v0", tmp_path / "old.png", tmp_path / "new.png")
     assert (tmp_path / "new.png").read_bytes() == (tmp_path / "old.png").read_bytes()
 
 
 def test_files_are_what_is_measured(tmp_path):
     cameras = turntable(COUNT, SIZE)
     bent = photographed(cameras, BARREL)
-    straightened = straighten(with_lens(cameras, BARREL), bent)
+    undistorted = undistort(with_lens(cameras, BARREL), bent)
     for view, seen in zip(cameras.views, bent, strict=True):
         encode(seen).save(tmp_path / f"{view}.png")
-    expected = straightened.silhouettes(bent)
-    world = straightened.cameras, Similarity.identity(), expected, np.ones(COUNT)
-    write_scene(tmp_path / "scene", Scene(*world, {}), tmp_path, straightened)
+    expected = undistorted.silhouettes(bent)
+    world = undistorted.cameras, Similarity.identity(), expected, np.ones(COUNT)
+    write_scene(tmp_path / "scene", Scene(*world, {}), tmp_path, undistorted)
     new = np.asarray(Image.open(tmp_path / "scene" / SILHOUETTES / "v1.png"))
     assert (new == np.asarray(encode(expected[1]))).all()
 
@@ -105,20 +105,20 @@ def test_a_view_with_an_empty_silhouette_is_straightened_like_the_others():
     cameras = turntable(COUNT, SIZE)
     bent = photographed(cameras, BARREL)
     bent[1] = False
-    straightened = straighten(with_lens(cameras, BARREL), bent)
-    assert set(straightened.sources) == set(cameras.views)
-    assert not straightened.silhouettes(bent)[1].any()
-    assert not np.asarray(encode(straightened.silhouettes(bent)[1])).any()
+    undistorted = undistort(with_lens(cameras, BARREL), bent)
+    assert set(undistorted.sources) == set(cameras.views)
+    assert not undistorted.silhouettes(bent)[1].any()
+    assert not np.asarray(encode(undistorted.silhouettes(bent)[1])).any()
 
 
 def test_cameras_agree_better_with_what_is_straightened():
     """A lens off its axis, for silhouettes bent alike all around still agree with each other."""
     cameras, lens = turntable(12, SIZE, elevation=20), Lens("OPENCV", (0, 0, 0.15, -0.1))
     bent = photographed(cameras, lens)
-    straightened = straighten(with_lens(cameras, lens), bent)
+    undistorted = undistort(with_lens(cameras, lens), bent)
     found = [
         coherence(carve(seen, near, 64), near, seen).mean()
-        for near, seen in ((cameras, bent), (straightened.cameras, straightened.silhouettes(bent)))
+        for near, seen in ((cameras, bent), (undistorted.cameras, undistorted.silhouettes(bent)))
     ]
     assert found[0] < 0.975 < 0.985 < found[1]
 
@@ -128,13 +128,13 @@ def test_an_image_goes_with_its_silhouette(tmp_path, channels):
     """A ramp over the columns: its value says where a pixel was sampled."""
     cameras = turntable(COUNT, SIZE)
     seen = silhouettes(cameras, AXES, CENTRE)
-    straightened = straighten(with_lens(cameras, CUSHION), seen)
+    undistorted = undistort(with_lens(cameras, CUSHION), seen)
     ramp = np.repeat(np.tile(np.arange(SIZE, dtype=np.uint8), (SIZE, 1))[..., None], channels, 2)
     save(tmp_path / "old.png", ramp)
-    straightened.write_image("v0", tmp_path / "old.png", tmp_path / "new.png")
+    undistorted.write_image("v0", tmp_path / "old.png", tmp_path / "new.png")
     new = np.asarray(Image.open(tmp_path / "new.png"))
     assert new.shape == ramp.shape
-    K = straightened.cameras.K[0].numpy()
+    K = undistorted.cameras.K[0].numpy()
     x, y = (100.5 - K[0, 2]) / K[0, 0], (80.5 - K[1, 2]) / K[1, 1]
     source = x * (1 + 1.5 * (x * x + y * y)) * K[0, 0] + K[0, 2]
     assert new[80, 100, 0] == pytest.approx(source - 0.5, abs=0.6)
@@ -144,4 +144,4 @@ def test_a_lens_that_shows_no_silhouette_is_refused():
     cameras = turntable(COUNT, SIZE)
     seen = silhouettes(cameras, AXES, CENTRE)
     with pytest.raises(InputError, match=r"view 'v0': its lens SIMPLE_RADIAL .* shows nothing"):
-        straighten(with_lens(cameras, Lens("SIMPLE_RADIAL", (-60.0,))), seen)
+        undistort(with_lens(cameras, Lens("SIMPLE_RADIAL", (-60.0,))), seen)

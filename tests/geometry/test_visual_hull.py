@@ -8,7 +8,7 @@ from scipy.ndimage import map_coordinates
 
 from silmesh.geometry.signed_distance import signed_distance
 from silmesh.geometry.silhouette_iou import coherence
-from silmesh.geometry.visual_hull import carve, find_doubtful
+from silmesh.geometry.visual_hull import carve, find_outlier_views
 
 RADIUS, CENTRE = 0.3, np.array([0.1, -0.05, 0.12])
 BALL = 4 / 3 * np.pi * RADIUS**3
@@ -145,16 +145,16 @@ def test_the_view_to_doubt_is_the_one_that_cuts_off_what_no_other_does(ball):
     cameras, seen = ball
     wrong = seen.copy()
     wrong[7] &= np.arange(SIZE) < np.flatnonzero(seen[7].any(axis=0)).mean()
-    assert find_doubtful(wrong, cameras) == [7]
+    assert find_outlier_views(wrong, cameras) == [7]
 
 
-def test_of_an_empty_hull_those_are_doubted_that_empty_it():
+def test_of_an_empty_hull_those_are_outliers_that_empty_it():
     cameras = turntable(8, SIZE)
     seen = silhouettes(cameras, [0.15] * 3, [0, 0.2, 0])
     low = silhouettes(cameras, [0.15] * 3, [0, -0.2, 0])
     seen[2], seen[5] = low[2], low[5]
     assert carve(seen, cameras).empty
-    assert find_doubtful(seen, cameras) == [2, 5]
+    assert find_outlier_views(seen, cameras) == [2, 5]
 
 
 def test_a_coarser_field_is_the_same_where_it_is_sampled(ball):

@@ -101,7 +101,7 @@ def test_loads_and_opens_without_an_error_or_a_request_outside(window, file):
     assert section.locator(".losses canvas").count() == 1
     assert section.locator(".gallery .view").count() == 9
     texts = section.locator(".gallery .fate").all_inner_texts()
-    assert texts[:4] == ["good", "doubtful, kept", "doubtful, repaired", "doubtful, dropped"]
+    assert texts[:4] == ["good", "outlier, kept", "outlier, repaired", "outlier, dropped"]
     assert texts[-1] == "no camera, left out"
 
 

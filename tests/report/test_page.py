@@ -178,8 +178,8 @@ def test_a_truth_that_a_mesh_was_laid_on_comes_back_to_it(parts):
 def test_the_truth_of_a_left_handed_world_is_mirrored(parts):
     results, galleries = parts
     run = ("cup", "plain")
-    told = results[run].scene.told | {"mirrored": True}
-    scene = dataclasses.replace(results[run].scene, told=told)
+    told = results[run].scene.notes | {"mirrored": True}
+    scene = dataclasses.replace(results[run].scene, notes=told)
     moved = dataclasses.replace(results[run], scene=scene)
     placed = []
     for case in (results[run], moved):
@@ -222,7 +222,7 @@ def test_low_coherence_is_said_in_words_where_it_is_low(page):
 
 
 def test_the_views_to_doubt_are_named(page):
-    assert "The views to doubt first: r5, r&lt;10&gt;." in page
+    assert "Probable outliers: r5, r&lt;10&gt;." in page
 
 
 def test_the_initial_meshes_scores_and_warnings_are_told(page):

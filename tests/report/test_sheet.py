@@ -36,8 +36,8 @@ def test_the_part_that_is_shown_lies_within_the_photographs(photograph):
 
 def test_a_doubtful_view_is_framed_and_its_row_is_higher(photograph):
     sound = cell(photograph, slice(20, 40), slice(20, 40))
-    doubtful = cell(photograph, slice(20, 40), slice(20, 40), "other views deny 40% of it")
-    plain, marked = draw_sheet([sound] * 2), draw_sheet([sound, doubtful])
+    outlier = cell(photograph, slice(20, 40), slice(20, 40), "other views deny 40% of it")
+    plain, marked = draw_sheet([sound] * 2), draw_sheet([sound, outlier])
     assert plain.width == marked.width == 3 * GAP + 2 * CELL
     assert marked.height > plain.height
     frame = np.asarray(marked)[GAP + CELL + 1, GAP + CELL : GAP + 2 * CELL]

@@ -5,8 +5,8 @@ from scenes import silhouettes, turntable
 from silmesh.cameras.attempt import Attempt
 from silmesh.errors import InputError
 from silmesh.geometry.camera import Similarity
-from silmesh.geometry.undistortion import Straightened
-from silmesh.scene.agreement import Placed, choose, place, refuse_incoherent
+from silmesh.geometry.undistortion import Undistorted
+from silmesh.scene.agreement import Normalised, choose, normalise, refuse_incoherent
 
 SIZE, AXES, CENTRE = 64, [0.45, 0.2, 0.15], [0.05, 0.1, 0]
 
@@ -42,7 +42,7 @@ def test_an_empty_silhouette_has_no_say(ring):
     seen = ring[1].copy()
     seen[4] = False
     others = [i for i in range(12) if i != 4]
-    all_, some = place(ring[0], seen), place(ring[0].select(others), seen[others])
+    all_, some = normalise(ring[0], seen), normalise(ring[0].select(others), seen[others])
     assert all_.coherence[4] == 0
     assert all_.coherence[others].tolist() == some.coherence.tolist()
     assert all_.similarity.scale == some.similarity.scale
@@ -53,13 +53,13 @@ def test_one_silhouette_alone_places_nothing(ring):
     seen = ring[1].copy()
     seen[1:] = False
     with pytest.raises(InputError, match="1 of the 12 views with a camera have a silhouette"):
-        place(ring[0], seen)
+        normalise(ring[0], seen)
 
 
 def placed(ring, count, mean):
     cameras = ring[0].select(range(count))
-    straight = Straightened(cameras, {}, 0.0)
-    return Placed(cameras, straight, Similarity.identity(), np.full(count, mean))
+    straight = Undistorted(cameras, {}, 0.0)
+    return Normalised(cameras, straight, Similarity.identity(), np.full(count, mean))
 
 
 A, B = Attempt("colmap", None, "12 of 36 views"), Attempt("calibrate", None)
@@ -89,4 +89,4 @@ def test_the_reason_of_a_refused_attempt_is_told(ring):
 
 
 def test_a_kept_world_is_not_moved(ring):
-    assert place(*ring, keep_world=True).similarity.scale == 1
+    assert normalise(*ring, keep_world=True).similarity.scale == 1

@@ -12,7 +12,7 @@ from silmesh.cameras.attempt import Attempt
 from silmesh.cameras.formats import attempt_from_file
 from silmesh.errors import InputError
 from silmesh.geometry.camera import MIRROR, Cameras, write_cameras
-from silmesh.scene.agreement import place
+from silmesh.scene.agreement import normalise
 from silmesh.scene.conventions import settle
 from silmesh.views import View, place_view
 
@@ -40,7 +40,7 @@ def seen(cameras):
 
 @pytest.fixture(scope="module")
 def coherence(cameras, seen):
-    return place(cameras, seen).mean
+    return normalise(cameras, seen).mean
 
 
 def views(size: int = SIZE) -> list[View]:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scenes import dome, silhouettes, turntable
 
-from silmesh.scene.outliers import area_jumps, describe, judge
+from silmesh.scene.outliers import area_jumps, describe, find_outliers
 
 SIZE, COUNT = 64, 24
 AXES = [0.45, 0.25, 0.3]
@@ -20,37 +20,37 @@ def without_upper_half(seen, views):
         seen[i, : int(np.median(rows))] = False
 
 
-def test_good_silhouettes_are_not_doubted(scene):
-    verdict = judge(*scene)
-    assert verdict.doubts == [""] * COUNT
+def test_good_silhouettes_are_inliers(scene):
+    verdict = find_outliers(*scene)
+    assert verdict.reasons == [""] * COUNT
     assert verdict.refusal is None
     assert max(row["unexplained"] for row in verdict.rows) < 0.1
 
 
-def test_a_plate_beside_the_object_is_doubted(scene):
+def test_a_plate_beside_the_object_makes_an_outlier(scene):
     seen, cameras = scene[0].copy(), scene[1]
     bad = [1, 2, 3, 4, 15, 16, 17]
     for i in bad:
         seen[i, 40:60, 4:60] = True
-    verdict = judge(seen, cameras)
-    assert verdict.doubtful == bad
-    assert "other views deny" in verdict.doubts[1]
+    verdict = find_outliers(seen, cameras)
+    assert verdict.outliers == bad
+    assert "other views deny" in verdict.reasons[1]
 
 
 @pytest.mark.parametrize("bad", [[7], [2, 9, 20], [0, 3, 8, 13, 18, 21]])
-def test_a_lacking_half_is_doubted_and_not_the_views_that_show_it(scene, bad):
+def test_a_view_that_lacks_a_half_is_an_outlier_and_not_those_that_show_it(scene, bad):
     seen, cameras = scene[0].copy(), scene[1]
     without_upper_half(seen, bad)
-    verdict = judge(seen, cameras)
-    assert verdict.doubtful == bad
-    assert "lacks" in verdict.doubts[bad[0]]
+    verdict = find_outliers(seen, cameras)
+    assert verdict.outliers == bad
+    assert "lacks" in verdict.reasons[bad[0]]
 
 
-def test_an_empty_silhouette_is_doubted_and_has_no_say(scene):
+def test_an_empty_silhouette_is_an_outlier_without_a_vote(scene):
     seen, cameras = scene[0].copy(), scene[1]
     seen[5] = False
-    verdict = judge(seen, cameras)
-    assert (verdict.doubtful, verdict.doubts[5]) == ([5], "empty")
+    verdict = find_outliers(seen, cameras)
+    assert (verdict.outliers, verdict.reasons[5]) == ([5], "empty")
 
 
 @pytest.mark.parametrize("count", [4, 5])
@@ -59,18 +59,18 @@ def test_few_views_do_not_say_what_one_lacks(count):
     cameras = turntable(count, SIZE)
     seen = silhouettes(cameras, AXES)
     seen[1] = False
-    assert judge(seen, cameras).doubtful == [1]
+    assert find_outliers(seen, cameras).outliers == [1]
     seen[1, 10:30, 4:60] = True  # what others deny they still say
-    verdict = judge(seen, cameras)
-    assert verdict.doubtful == [1]
-    assert "other views deny" in verdict.doubts[1]
+    verdict = find_outliers(seen, cameras)
+    assert verdict.outliers == [1]
+    assert "other views deny" in verdict.reasons[1]
 
 
 def test_wrong_cameras_make_no_view_doubtful():
     """All contradict each other, and none more than the others."""
     right = turntable(12, SIZE, elevation=25)
     seen = silhouettes(right, [0.45, 0.2, 0.15], [0.05, 0.1, 0])
-    assert len(judge(seen, turntable(12, SIZE, elevation=-25)).doubtful) <= 1
+    assert len(find_outliers(seen, turntable(12, SIZE, elevation=-25)).outliers) <= 1
 
 
 def test_what_a_silhouette_shows():

@@ -27,7 +27,7 @@ def decided(scene, policy, fewest=3, segment=None):
 def test_kept_views_stay_as_they_are(scene):
     decision = decided(scene, "keep")
     assert decision.fates == ["kept"] * COUNT
-    assert decision.verdict.doubtful == BAD
+    assert decision.verdict.outliers == BAD
     np.testing.assert_array_equal(decision.silhouettes, scene[1])
 
 
@@ -44,21 +44,21 @@ def test_too_few_views_are_refused_with_what_is_wrong(scene):
 def test_what_cannot_be_read_is_said_and_not_segmented_again(scene):
     truth, found, cameras = scene
 
-    def segment(doubtful, sound):
-        assert (doubtful, len(sound)) == ([9], COUNT - 2)
+    def segment(outliers, sound):
+        assert (outliers, len(sound)) == ([9], COUNT - 2)
         return truth[[9]]
 
     lost = {2: "its photograph cannot be used"}
     decision = decide("repair", 3, found, cameras, segment, lost=lost, unreadable=[2])
     assert (decision.fates[2], decision.fates[9]) == ("dropped", "repaired")
-    assert decision.verdict.doubts[2] == lost[2]
+    assert decision.verdict.reasons[2] == lost[2]
 
 
 def test_a_repaired_view_is_fitted_and_one_that_stays_doubtful_is_dropped(scene):
     truth, found, _ = scene
 
-    def segment(doubtful, sound):
-        assert (doubtful, len(sound)) == (BAD, COUNT - 2)
+    def segment(outliers, sound):
+        assert (outliers, len(sound)) == (BAD, COUNT - 2)
         return np.stack([truth[2], found[9]])
 
     decision = decided(scene, "repair", segment=segment)

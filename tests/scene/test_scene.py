@@ -6,12 +6,12 @@ from scenes import dome, save, silhouettes, turntable
 from silmesh.errors import InputError
 from silmesh.geometry.camera import Similarity
 from silmesh.geometry.silhouette_iou import coherence
-from silmesh.geometry.undistortion import straighten
+from silmesh.geometry.undistortion import undistort
 from silmesh.geometry.visual_hull import carve
 from silmesh.scene.scene import (
     Scene,
+    find_similarity,
     load_scene,
-    normalising,
     read_scene,
     refuse_camera_inside,
     write_scene,
@@ -34,7 +34,7 @@ def test_a_ball_comes_to_the_origin_with_radius_one_half(centre, squeeze):
     cameras = cameras.in_pixels_of(maps, cameras.sizes)  # as stretched photographs have
     truth = elsewhere.apply(torch.tensor([centre], dtype=torch.float64))[0]
     seen = silhouettes(cameras, [30.0] * 3, truth.numpy())
-    similarity = normalising(cameras, seen)
+    similarity = find_similarity(cameras, seen)
     moved = similarity.apply(truth.unsqueeze(0))[0]
     assert moved.norm() < 0.02
     assert 0.46 < similarity.scale * 30 < 0.51
@@ -44,7 +44,7 @@ def test_an_object_lies_within_the_sphere():
     cameras, elsewhere = far_off(dome(12, SIZE))
     axes = np.array([45.0, 15, 30])
     centre = elsewhere.apply(torch.zeros(1, 3, dtype=torch.float64))
-    similarity = normalising(cameras, silhouettes(cameras, axes, centre[0].numpy()))
+    similarity = find_similarity(cameras, silhouettes(cameras, axes, centre[0].numpy()))
     tips = centre + torch.tensor(np.diag(axes))
     reach = similarity.apply(torch.cat([tips, 2 * centre - tips])).norm(dim=1)
     assert 0.42 < reach.max() < 0.53
@@ -53,7 +53,7 @@ def test_an_object_lies_within_the_sphere():
 def test_cameras_that_look_along_one_line_are_refused():
     cameras = turntable(2, SIZE)  # from opposite sides
     with pytest.raises(InputError, match="all look along one line"):
-        normalising(cameras, silhouettes(cameras, [0.3] * 3))
+        find_similarity(cameras, silhouettes(cameras, [0.3] * 3))
 
 
 def test_an_object_behind_a_camera_is_refused():
@@ -62,7 +62,7 @@ def test_an_object_behind_a_camera_is_refused():
     cameras.R[2, [0, 2]] *= -1  # the third camera is turned round
     cameras.t[2, 2] *= -1
     with pytest.raises(InputError, match="view 'v2': the object would lie behind its camera"):
-        normalising(cameras, seen)
+        find_similarity(cameras, seen)
 
 
 def test_a_camera_inside_the_object_is_refused():
@@ -92,7 +92,7 @@ def test_a_scene_is_read_as_it_was_written(tmp_path):
         save(tmp_path / f"{view}.png", np.zeros((4, 4), np.uint8))
     agreement = np.array([0.5, 0.75, 1.0])
     seen = np.random.default_rng(0).random((3, 4, 4)) > 0.5
-    straight = straighten(cameras, np.ones((3, 4, 4), bool))
+    straight = undistort(cameras, np.ones((3, 4, 4), bool))
     made = Scene(cameras, similarity, seen, agreement, {"cameras": "file"})
     write_scene(tmp_path / "scene", made, tmp_path, straight)
     loaded = load_scene(tmp_path / "scene")

@@ -11,7 +11,7 @@ from silmesh.progress import untold
 from silmesh.settings.check import check
 from silmesh.settings.init import Init
 from silmesh.shapes.choose import LATEST, ROUNDS, VIEWS, score_meshes
-from silmesh.shapes.downsample import crop, look_smaller, render
+from silmesh.shapes.downsample import crop, downsample, render
 from silmesh.shapes.initial import PLACED, SHAPES, make_initial_mesh
 
 SIZE = 96
@@ -28,15 +28,15 @@ def scene():
 def test_every_shape_is_placed_at_twice_its_size_in_the_world(scene, shape):
     seen, cameras = scene
     first = make_initial_mesh(Init(shape=shape, vertices=300), seen, cameras)
-    assert len(first.mesh.vertices) == first.told["vertices"] == 300
+    assert len(first.mesh.vertices) == first.notes["vertices"] == 300
     assert first.mesh.is_watertight
     assert first.mesh.volume > 0
     np.testing.assert_allclose(first.mesh.centroid / 2, CENTRE, atol=0.03)
     world = first.mesh.copy()
     world.apply_scale(0.5)
     assert mean_iou(render(world, cameras, (SIZE, SIZE)), seen) > 0.7
-    assert first.told["asked"] == first.told["shape"] == shape
-    assert first.told["warnings"] == []
+    assert first.notes["asked"] == first.notes["shape"] == shape
+    assert first.notes["warnings"] == []
 
 
 @pytest.mark.parametrize("shape", PLACED)
@@ -57,8 +57,8 @@ def test_an_empty_hull_falls_back_to_the_ellipsoid_and_says_so():
     seen = silhouettes(cameras, [0.2] * 3)
     seen[3] = np.roll(seen[3], 45, axis=0)
     first = make_initial_mesh(Init(shape="hull", vertices=162), seen, cameras)
-    assert (first.told["asked"], first.told["shape"]) == ("hull", "ellipsoid")
-    assert "most of all in v3; the initial mesh is the ellipsoid" in first.told["warnings"][0]
+    assert (first.notes["asked"], first.notes["shape"]) == ("hull", "ellipsoid")
+    assert "most of all in v3; the initial mesh is the ellipsoid" in first.notes["warnings"][0]
     plain = make_initial_mesh(Init(shape="ellipsoid", vertices=162), seen, cameras)
     np.testing.assert_array_equal(first.mesh.vertices, plain.mesh.vertices)
 
@@ -66,7 +66,7 @@ def test_an_empty_hull_falls_back_to_the_ellipsoid_and_says_so():
 def test_an_object_cut_by_the_frame_is_told(scene):
     _, cameras = scene
     seen = silhouettes(cameras, AXES, [0.65, 0, 0])
-    cut = make_initial_mesh(Init(shape="ellipsoid", vertices=162), seen, cameras).told["warnings"]
+    cut = make_initial_mesh(Init(shape="ellipsoid", vertices=162), seen, cameras).notes["warnings"]
     assert len(cut) == 1
     assert cut[0].startswith("the frame cuts the object in v")
 
@@ -144,13 +144,13 @@ def test_a_trial_that_ends_early_comes_last(scene):
 
 def test_auto_takes_what_does_best(scene):
     first = make_initial_mesh(Init(shape="auto", vertices=300), *scene, overlap)
-    scores = first.told["scores"]
+    scores = first.notes["scores"]
     assert set(scores) == set(PLACED)
-    assert first.told["shape"] == next(iter(scores)) in ("ellipsoid", "hull")
+    assert first.notes["shape"] == next(iter(scores)) in ("ellipsoid", "hull")
     rounds = [(-score["steps"], score["after"]) for score in scores.values()]
     assert rounds == sorted(rounds)
     assert len(first.mesh.vertices) == 300
-    small, eyes = look_smaller(*scene, 64, VIEWS)
+    small, eyes = downsample(*scene, 64, VIEWS)
     plain = make_initial_mesh(Init(shape="cube", vertices=642), *scene).mesh
     assert scores["cube"]["before"] == pytest.approx(next(overlap(plain, eyes, small)))
 
@@ -159,19 +159,19 @@ def test_auto_passes_over_an_empty_hull():
     cameras = turntable(5, SIZE)
     seen = silhouettes(cameras, [0.2] * 3)
     seen[3] = np.roll(seen[3], 45, axis=0)
-    told = make_initial_mesh(Init(shape="auto", vertices=162), seen, cameras, overlap).told
+    told = make_initial_mesh(Init(shape="auto", vertices=162), seen, cameras, overlap).notes
     assert "hull" not in told["scores"]
     assert "contradict each other" in told["warnings"][0]
 
 
 def test_small_looks_are_of_the_same_world(scene):
     seen, cameras = scene
-    small, eyes = look_smaller(seen, cameras, 48, 4)
+    small, eyes = downsample(seen, cameras, 48, 4)
     assert small.shape == (4, 48, 48)
     assert eyes.views == ("v0", "v2", "v4", "v6")
     plain = silhouettes(eyes, AXES, CENTRE)
     assert mean_iou(small, plain) > 0.95
-    same, _ = look_smaller(seen, cameras, 200, 100)
+    same, _ = downsample(seen, cameras, 200, 100)
     np.testing.assert_array_equal(same, seen)
 
 
@@ -188,6 +188,6 @@ def test_an_object_that_the_photographs_frame_cuts_is_not_cut_off_there():
     for given in ((padded, cameras), crop(padded, cameras, frame)):
         first = make_initial_mesh(Init(shape="hull", vertices=200), *given)
         high.append(first.mesh.vertices[:, 1].max() / 2)
-        warned = any("the frame cuts the object" in w for w in first.told["warnings"])
+        warned = any("the frame cuts the object" in w for w in first.notes["warnings"])
         assert warned == (given[1] is not cameras)
     assert high[0] < 0.3 < 0.34 < high[1]

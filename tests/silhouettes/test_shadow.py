@@ -69,6 +69,6 @@ def test_small_working_images_lose_the_shadow_too(tmp_path, size):
     views = write_views([save(tmp_path / "a.png", pixels)], size, "pad", tmp_path / "views")
     write_silhouettes("threshold", views, tmp_path / "views", [], tmp_path / "out")
     found = read_silhouettes(tmp_path / "out", ["a"])[0]
-    truth = views[0].place(Image.fromarray(BODY).convert("L"), Image.Resampling.BOX)
+    truth = views[0].into_square(Image.fromarray(BODY).convert("L"), Image.Resampling.BOX)
     truth = np.asarray(truth) > 127
     assert (found & truth).sum() / (found | truth).sum() > 0.93

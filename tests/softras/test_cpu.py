@@ -59,7 +59,7 @@ SCENES = {
 }
 
 
-def find_doubtful(points, faces, size, sigma):
+def find_outlier_views(points, faces, size, sigma):
     """Pixels whose distance to a face lies within rounding of the cutoff: [views, h, w]."""
     radius2 = CUTOFF * sigma
     doubtful = []
@@ -78,7 +78,7 @@ def find_doubtful(points, faces, size, sigma):
 @pytest.mark.parametrize("scene", SCENES)
 def test_kernel_agrees_with_reference(scene):
     points, faces, size, sigma = SCENES[scene]()
-    clear = ~find_doubtful(points, faces, size, sigma)
+    clear = ~find_outlier_views(points, faces, size, sigma)
     assert clear.float().mean() > 0.9
     upstream = torch.rand(clear.shape, generator=torch.Generator().manual_seed(1)) * clear
     results = []
@@ -141,7 +141,7 @@ def test_passing_over_what_is_spent_changes_nothing_that_counts():
         results.append((alpha.detach().double(), p.grad.double()))
     (alpha, gradient), (true_alpha, true_gradient) = results
     assert (true_alpha > 1 - 1e-6).float().mean() > 0.2
-    clear = ~find_doubtful(points, faces, (96, 96), 1e-3)
+    clear = ~find_outlier_views(points, faces, (96, 96), 1e-3)
     assert ((alpha - true_alpha).abs() * clear).max() < 1e-5
     assert (gradient - true_gradient).norm() < 1e-4 * true_gradient.norm()
 
@@ -168,7 +168,7 @@ def test_bands_leave_no_seam():
         alpha[:1].backward(upstream)
         results.append((alpha[:1].detach(), p.grad))
     (alpha, gradient), (whole, whole_gradient) = results
-    clear = ~find_doubtful(points[:1], faces, (120, 90), 1e-4)
+    clear = ~find_outlier_views(points[:1], faces, (120, 90), 1e-4)
     assert ((alpha - whole).abs() * clear).max() < 1e-5
     assert (gradient - whole_gradient).norm() < 1e-4 * whole_gradient.norm()
 

@@ -474,7 +474,7 @@ def test_a_truth_is_read_in_any_format(tmp_path):
 
 
 @pytest.fixture
-def doubtful(results, tmp_path):
+def outlier(results, tmp_path):
     """A scene of which one view has an empty silhouette, and the arguments that judge it."""
     shutil.copytree(results / "silhouettes", tmp_path / "silhouettes")
     save(tmp_path / "silhouettes" / "v2.png", np.zeros((SIZE, SIZE, 4), np.uint8))
@@ -493,9 +493,9 @@ def test_a_scene_in_which_nothing_is_doubtful_stays_as_it_is(results):
     assert table["unexplained"].max() < 0.1
 
 
-def test_a_dropped_view_leaves_the_scene_and_is_listed(doubtful, capsys):
-    call(judge, settings={"policy": "drop"}, **doubtful)
-    out = doubtful["output"]
+def test_a_dropped_view_leaves_the_scene_and_is_listed(outlier, capsys):
+    call(judge, settings={"policy": "drop"}, **outlier)
+    out = outlier["output"]
     told = json.loads((out / "scene.json").read_text())
     assert told["dropped"] == told["doubtful"] == {"v2": "empty"}
     left = [f"v{i}" for i in range(COUNT) if i != 2]
@@ -508,17 +508,17 @@ def test_a_dropped_view_leaves_the_scene_and_is_listed(doubtful, capsys):
     assert "view 'v2' is dropped: empty" in capsys.readouterr().err
 
 
-def test_a_repaired_view_is_fitted_and_its_original_kept(results, doubtful):
-    call(judge, settings={"policy": "repair"}, **doubtful)
-    told = json.loads((doubtful["output"] / "scene.json").read_text())
+def test_a_repaired_view_is_fitted_and_its_original_kept(results, outlier):
+    call(judge, settings={"policy": "repair"}, **outlier)
+    told = json.loads((outlier["output"] / "scene.json").read_text())
     assert (told["repaired"], told["dropped"], told["weights"]["v2"]) == (["v2"], {}, 0.5)
     new, true = (
         read_silhouettes(folder, ["v2"])[0]
-        for folder in (doubtful["output"] / "silhouettes", results / "silhouettes")
+        for folder in (outlier["output"] / "silhouettes", results / "silhouettes")
     )
     # It is 14 pixels wide, and the hull of seven views shows one more all around.
     assert (new & true).sum() / (new | true).sum() > 0.8
-    assert not read_silhouettes(doubtful["output"] / "originals", ["v2"]).any()
+    assert not read_silhouettes(outlier["output"] / "originals", ["v2"]).any()
 
 
 def test_an_object_that_leaves_its_photograph_is_told_of(results, tmp_path, capsys):
@@ -594,9 +594,9 @@ def test_a_view_counts_in_the_fit_as_much_as_its_weight(results, tmp_path, setti
     assert 0 < far[0] < far[1] < np.abs(plain - without).max()
 
 
-def test_too_few_views_are_refused(doubtful):
+def test_too_few_views_are_refused(outlier):
     with pytest.raises(InputError, match=r"found: only 7 views are left, and quality\.fewest is 8"):
-        call(judge, settings={"policy": "drop", "fewest": 8}, **doubtful)
+        call(judge, settings={"policy": "drop", "fewest": 8}, **outlier)
 
 
 def test_a_world_is_kept_if_asked(results, tmp_path):

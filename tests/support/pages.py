@@ -47,7 +47,7 @@ def box(sides: tuple[float, float, float]) -> trimesh.Trimesh:
 
 
 def gallery(folder: Path) -> dict:
-    """Photographs of a box: the second doubtful and kept, the third repaired, one of each loss."""
+    """Photographs of a box: the second a kept outlier, the third repaired, one of each loss."""
     photographs, shots = folder / "views", []
     photographs.mkdir(exist_ok=True)
     for i, view in enumerate(cameras().views):

@@ -219,7 +219,7 @@ def test_what_no_variant_makes(fresh):
 
 def test_two_runs_at_once(project, tmp_path):
     project.edit("config/config.yaml", "3}\n  boxed", "4}\n  boxed")
-    assert hold(project / ".snakemake/silmesh.planning.lock")  # as a run that is at work does
+    assert hold(project / ".snakemake/silmesh.lock")  # as a run that is at work does
     assert "another run is at work in " in message(refusal(project))
     assert "fit cup/round" in project.outdated()
 

@@ -53,13 +53,15 @@ def stages(expected: dict[str, str]) -> list[str]:
 def find(victim: str, run: subprocess.Popen) -> list[Process]:
     """The processes of a run that are of this kind."""
     there = processes(run.pid)
-    warm = [p.pid for p in there if "silmesh.steps.fork_server" in p.words and p.parent == run.pid]
+    servers = [
+        p.pid for p in there if "silmesh.steps.fork_server" in p.words and p.parent == run.pid
+    ]
     return {
         "run": [p for p in there if p.pid == run.pid],
         "group": [p for p in there if p.pid == run.pid],
         "worker": [p for p in there if " silmesh.steps " in p.words and "bash" not in p.words],
-        "fork": [p for p in there if p.parent in warm],
-        "forking process": [p for p in there if p.pid in warm],
+        "fork": [p for p in there if p.parent in servers],
+        "forking process": [p for p in there if p.pid in servers],
     }[victim]
 
 

@@ -14,7 +14,7 @@ pytestmark = pytest.mark.slow
 VARIANTS = ("round", "boxed")
 SCENE = "cup/32-pad-mask-turntable"
 JUDGED = f"{SCENE}-keep-3"
-FIRST = {"round": f"initial {JUDGED}-sphere-60-none", "boxed": f"first {JUDGED}-sphere-60-bbox"}
+FIRST = {"round": f"initial {JUDGED}-sphere-60-none", "boxed": f"initial {JUDGED}-sphere-60-bbox"}
 REPORT = {"figure cup", "report report"}
 
 

@@ -29,9 +29,16 @@ def network_module(wildcards):
 
 
 def preset_module(wildcards):
-    """The module of a fit's procedure."""
-    fit = plan.run(wildcards.object, wildcards.variant).settings.fit
-    return f"silmesh.fitting.{fit.preset}"
+    """The module of a fit's procedure, if that is ours."""
+    preset = plan.run(wildcards.object, wildcards.variant).settings.fit.preset
+    return None if own_file(preset) else f"silmesh.fitting.{preset}"
+
+
+def renderer_module(wildcards):
+    """The module of a fit's renderer, if one of ours is named."""
+    renderer = plan.run(wildcards.object, wildcards.variant).settings.fit.renderer
+    ours = renderer != AUTO and not own_file(renderer)
+    return f"silmesh.softras.{renderer}" if ours else None
 
 
 # What a person gave is no input to Snakemake, which compares only ages: a photograph may be replaced
@@ -104,12 +111,13 @@ def silhouettes_weights(wildcards):
 def silhouettes_files(wildcards):
     """The files that silhouettes are read from or found by."""
     run = with_silhouettes(wildcards)
-    return [*run.masks, *filter(None, [run.weights_file])]
+    return [*run.masks, *filter(None, [run.weights_file]), *run.silhouettes_own]
 
 
 def silhouettes_threads(wildcards):
-    """A network's threads; another source has one."""
-    return 2 if with_silhouettes(wildcards).network else 1
+    """A network's threads, or those of a function of a person's own; another source has one."""
+    run = with_silhouettes(wildcards)
+    return 2 if run.network or run.silhouettes_own else 1
 
 
 def silhouettes_settings(wildcards):

@@ -18,7 +18,8 @@ rule fit:
     params:
         settings=fit_settings,
         checkpoint="results/{object}/{variant}/.checkpoint.pt",
-        code=code_digest("silmesh.steps.fit", preset_module),
+        read=lambda w: given_digest(plan.run(w.object, w.variant).fit_own),
+        code=code_digest("silmesh.steps.fit", preset_module, renderer_module),
     message:
         "{wildcards.object}/{wildcards.variant}: fitting"
     shell:
@@ -26,5 +27,5 @@ rule fit:
         " --scene {input.scene:q} --settings {params.settings:q}"
         " --threads {threads} --name {wildcards.object}/{wildcards.variant}"
         " --meshes {output.mesh:q} --cameras {output.cameras:q} --loss {output.loss:q}"
-        " --checkpoint {params.checkpoint:q} --code {params.code}"
+        " --checkpoint {params.checkpoint:q} --code {params.code}-{params.read}"
         " 2> {log:q}"

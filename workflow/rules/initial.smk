@@ -18,7 +18,7 @@ rule initial:
     params:
         settings=lambda w: settings(with_initial(w).settings.init),
         trial=trial_settings,
-        read=lambda w: given_digest(filter(None, [with_initial(w).init_file])),
+        read=lambda w: given_digest(with_initial(w).initial_own),
         code=code_digest("silmesh.steps.initial"),
     message:
         "{wildcards.object}: making the initial mesh {wildcards.initial}"

@@ -1,5 +1,5 @@
 # requires  a scene
-# makes     the same after its doubtful views were kept, dropped or repaired, with a table of all
+# makes     the same after its outliers were kept, dropped or repaired, with a table of all
 #           views
 # runs      silmesh.steps.judge
 

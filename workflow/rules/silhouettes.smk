@@ -46,5 +46,5 @@ rule silhouettes:
         "{wildcards.object}: finding silhouettes by {wildcards.source}"
     shell:
         "python -m silmesh.steps silhouettes --views {input.views:q}"
-        " --source {params.source} --settings {params.settings:q} {params.spare}"
+        " --source {params.source:q} --settings {params.settings:q} {params.spare}"
         " --masks {params.masks:q} --threads {threads} --output {output:q} 2> {log:q}"

@@ -14,7 +14,7 @@ from silmesh.files import making
 from silmesh.geometry.camera import Cameras, read_cameras, write_cameras
 
 CAMERAS, REPORT = "cameras.json", "report.json"
-FILE = "file"  # the source of cameras that were read, as their attempts name it
+FILE = "file"  # the source that an attempt names whose cameras were read from a file
 WORLD_TO_CAMERA = "world to camera"  # how a file writes poses
 CAMERA_TO_WORLD = "camera to world"
 CAMERA_TO_WORLD_OPENGL = "camera to world, OpenGL's axes"

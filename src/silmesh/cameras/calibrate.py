@@ -1,8 +1,9 @@
 """Cameras of a turntable whose geometry is unknown, from silhouettes alone.
 
-The measure and the model are those of ``silmesh.cameras.turntable_residuals``: least squares over
-residuals that are smooth enough for it, which also says how well the data fix each parameter. It
-goes from coarse to fine, from several starts, in both directions of turning.
+The parameters minimise the residuals of ``silmesh.cameras.turntable_residuals`` by non-linear least
+squares, whose covariance also says how well the silhouettes fix each parameter. The search starts
+from several elevations, half angles, steps and both directions of rotation on few views and points;
+the best starts are then refined on all of them.
 """
 
 import math
@@ -31,26 +32,40 @@ from silmesh.geometry.camera import Cameras
 from silmesh.progress import Share, untold, within
 from silmesh.views import View
 
-FEWEST_VIEWS = 3
-POINTS, FEWEST_SAMPLES, MOST_SAMPLES = 1728, 32, 96  # of all outlines together; of each
-STARTS = [(e, a) for e in (4.0, 14.0, 28.0) for a in (8.0, 20.0)]  # elevation, half angle
-ARCS = (360.0, 270.0, 180.0, 120.0, 90.0)  # degrees that views at an unknown step may cover
-COARSE_STEPS, FINE_STEPS, OFFSET_STEPS = 12, 20, 6  # evaluations of the residuals
-SEARCHED, REFINED, RESOLVED = 0.5, 0.75, 0.8  # shares of the time, by which these are done
-RIVAL, RIVALS = 3.0, 4  # ratio of the costs up to which worse starts are refined; at most so many
-SAME = 0.02  # relative difference of two steps under which they are one
-FOLDS = 8  # arcs of an outline; every other one is held out to judge errors of the steps
-CLEAR = 3.0  # standard errors from which a difference counts
-BETTER = 2.0  # standard errors by which errors of the steps explain what was held out
-FIXED = np.array([2.0, 1.0, 1.0, 0.5, 0.3])  # standard deviations up to which the data fix one
-LEVEL = 3.0  # degrees of elevation under which a mirrored object fits as well
-ALIKE = 0.35  # pixels: silhouettes that differ by less are all the same
-REPEATED = 0.05  # of the usual change from view to view: by less, a photograph came twice
+FEWEST_VIEWS = 3  # silhouettes without which no turntable is looked for
+# All outlines together are sampled at about POINTS points, and each at a number within the limits.
+POINTS, FEWEST_SAMPLES, MOST_SAMPLES = 1728, 32, 96
+# Elevation and half angle of view, in degrees, from which the search starts.
+STARTS = [(e, a) for e in (4.0, 14.0, 28.0) for a in (8.0, 20.0)]
+ARCS = (360.0, 270.0, 180.0, 120.0, 90.0)  # degrees of the whole turn, tried if no step is given
+# The most evaluations of the residuals in a fit of the search, of the refinement, and of offsets.
+COARSE_STEPS, FINE_STEPS, OFFSET_STEPS = 12, 20, 6
+# Shares of the run time after which the search, the refinement and the mirror test end, which
+# the progress bar shows.
+SEARCHED, REFINED, RESOLVED = 0.5, 0.75, 0.8
+# A start is refined if its cost is at most RIVAL times the best one, and at most RIVALS starts are.
+RIVAL, RIVALS = 3.0, 4
+SAME = 0.02  # two steps whose relative difference is smaller count as the same
+FOLDS = 8  # arcs that an outline is cut into for cross-validation; every other one is held out
+CLEAR = 3.0  # standard errors from which one fit counts as worse than another
+# Each view gets an angle of its own if that lowers the cost of held-out arcs by so many standard
+# errors.
+BETTER = 2.0
+# A parameter is reported as found if its standard deviation is at most this, in the order of NAMES
+# and in its own unit; otherwise it is reported as open.
+FIXED = np.array([2.0, 1.0, 1.0, 0.5, 0.3])
+LEVEL = 3.0  # degrees of elevation below which the mirrored object may fit as well, so warn
+ALIKE = 0.35  # pixels: outlines whose root mean square difference is less all look the same
+# Two neighbours that differ by less than this share of the median difference between neighbours
+# are taken to be the same photograph.
+REPEATED = 0.05
 LATHE = (
     "all silhouettes are the same, as of a thing turned on a lathe that stands on the axis: they "
     "show the axis, and neither elevation, perspective, step nor direction"
 )
-SUSPECT, REFUSED = 1.0, 4.0  # rms residual per 256 pixels of the image
+# Root mean square residual, in pixels of a 256-pixel image, from which a person is warned and from
+# which the calibration is refused.
+SUSPECT, REFUSED = 1.0, 4.0
 
 
 @dataclass(frozen=True)
@@ -131,12 +146,7 @@ def calibrate(
         InputError: fewer than 3 views have a silhouette, one fills its image, or no turntable
             explains them
     """
-    shown = np.flatnonzero(silhouettes.any(axis=(1, 2)))
-    if len(shown) < FEWEST_VIEWS:
-        raise InputError(
-            f"cameras 'calibrate': there are {len(shown)} views with a silhouette; it takes at "
-            f"least {FEWEST_VIEWS}, and a dozen to be trusted"
-        )
+    shown = _find_shown(silhouettes)
     samples = int(np.clip(POINTS // len(views), FEWEST_SAMPLES, MOST_SAMPLES))
     named = [views[i] for i in shown]
     outlines = trace(silhouettes[shown], samples, named, None if frames is None else frames[shown])
@@ -144,12 +154,7 @@ def calibrate(
     known = [i for i, value in ((ELEVATION, elevation), (STEP, step)) if value is not None]
     sides = (1,) if above_table else (1, -1)
     starts = _search(turn, len(views), step, elevation, sides, within(progress, 0, SEARCHED))
-    refining = within(progress, SEARCHED, REFINED)
-    fits = []
-    for done, start in enumerate(starts, start=1):
-        fits.append(turn.fit(start, _free(turn, known), FINE_STEPS))
-        refining(done / len(starts))
-    fits = sorted(fits, key=lambda fit: turn.cost(fit.x))
+    fits = _refine(turn, starts, _free(turn, known), within(progress, SEARCHED, REFINED))
     mirror = "elevation"
     if elevation is None:
         fits, mirror = _resolve_mirror(turn, fits, _free(turn, known), above_table)
@@ -205,27 +210,42 @@ def attempt_calibration(
     return Attempt("calibrate", found.cameras, warnings=found.warnings, figures=figures)
 
 
+def _find_shown(silhouettes: np.ndarray) -> np.ndarray:
+    """Positions of the views with a silhouette, if there are enough of them."""
+    shown = np.flatnonzero(silhouettes.any(axis=(1, 2)))
+    if len(shown) < FEWEST_VIEWS:
+        raise InputError(
+            f"cameras 'calibrate': there are {len(shown)} views with a silhouette; it takes at "
+            f"least {FEWEST_VIEWS}, and a dozen to be trusted"
+        )
+    return shown
+
+
 def _free(turn: Turntable, known: Sequence[int], offsets: bool = False) -> np.ndarray:
-    """The parameters that a fit may change."""
+    """Positions of the parameters that a fit may change."""
     free = [i for i in range(len(NAMES)) if i not in known]
     return np.array(free + [len(NAMES) + i for i in range(len(turn.index)) if offsets])
 
 
 def _search(
     turn: Turntable,
-    places: int,
+    positions: int,
     step: float | None,
     elevation: float | None,
     sides: Sequence[int],
     progress: Share,
 ) -> list[np.ndarray]:
-    """The parameters to refine, found on fewer views of so many places in the turn.
+    """Find starts to refine, on fewer views and points: [parameters] each.
 
-    The best of each direction of turning, side of the table and arc, unless clearly worse than the
-    best of all.
+    The best start is kept of each combination of rotation direction, side of the table and arc,
+    unless it is clearly worse than the best of all.
+
+    Args:
+        positions: views in the turn, with or without a silhouette
+        sides: 1 for a camera above the table, -1 for one below
     """
     thin = turn.thin()
-    steps = [abs(step)] if step is not None else [arc / places for arc in ARCS]
+    steps = [abs(step)] if step is not None else [arc / positions for arc in ARCS]
     starts = STARTS if step is not None else STARTS[::2]
     if elevation is not None:
         starts, sides = [(elevation, angle) for _, angle in STARTS[:2]], (1,)
@@ -242,13 +262,27 @@ def _search(
     return [np.concatenate([x, np.zeros(len(turn.index))]) for x in best]
 
 
+def _refine(
+    turn: Turntable, starts: Sequence[np.ndarray], free: np.ndarray, progress: Share
+) -> list[OptimizeResult]:
+    """Fit the parameters ``free`` from each start, on all views and points; the best fit first."""
+    fits = []
+    for done, start in enumerate(starts, start=1):
+        fits.append(turn.fit(start, free, FINE_STEPS))
+        progress(done / len(starts))
+    return sorted(fits, key=lambda fit: turn.cost(fit.x))
+
+
 def _resolve_mirror(
     turn: Turntable, fits: list[OptimizeResult], free: np.ndarray, above_table: bool
 ) -> tuple[list[OptimizeResult], str]:
-    """Tell the best fit from that of the mirrored object, by perspective where this is clear.
+    """Decide between the best fit and that of the mirrored object.
+
+    Perspective decides where it does so clearly; otherwise the assumption that the camera stands
+    above the table does.
 
     Returns:
-        the fits, the mirrored one first if it is clearly better, and what told them apart
+        the fits, the mirrored one first if it is clearly better, and what decided
     """
     best, thin = fits[0], turn.thin()
     part = free[free < len(NAMES)]
@@ -269,16 +303,16 @@ def _resolve_mirror(
 
 
 def _find_rivals(turn: Turntable, fits: Sequence[OptimizeResult]) -> list[np.ndarray]:
-    """The other fits that are not clearly worse than the first."""
+    """The parameters of the other fits that are not clearly worse than the first."""
     cost = turn.cost(fits[0].x)
     return [fit.x for fit in fits[1:] if turn.excess(cost, turn.cost(fit.x)) <= CLEAR]
 
 
 def _fit_offsets(turn: Turntable, fit: OptimizeResult, known: Sequence[int]) -> OptimizeResult:
-    """Let every view have its own angle, if that explains outlines that it was not fitted to.
+    """Give every view its own angle, if that explains held-out parts of the outlines better.
 
-    Cross-validation in two folds: the angles are fitted to every other arc of each outline and
-    judged on the arcs between.
+    This is a cross-validation in two folds: the angles are fitted to every other arc of each
+    outline and evaluated on the arcs between.
     """
     count = turn.outlines.known.shape[1]
     fold = np.arange(count) * FOLDS // count % 2 == 0
@@ -297,7 +331,7 @@ def _fit_offsets(turn: Turntable, fit: OptimizeResult, known: Sequence[int]) -> 
 
 
 def _find_repeated(silhouettes: np.ndarray, views: Sequence[str]) -> list[str]:
-    """Which neighbours show the same, in a sentence, if any do."""
+    """A sentence that names neighbours with the same silhouette, if there are any."""
     changes = np.array([(a ^ b).sum() for a, b in pairwise(silhouettes)])
     twice = np.flatnonzero(changes < REPEATED * np.median(changes))
     if not len(twice):
@@ -309,7 +343,7 @@ def _find_repeated(silhouettes: np.ndarray, views: Sequence[str]) -> list[str]:
 
 
 def _find_cut(turn: Turntable, views: Sequence[str]) -> list[str]:
-    """In which views the frame cuts the object, in a sentence, if it does."""
+    """A sentence that names the views in which the frame cuts the object, if there are any."""
     cut = np.flatnonzero(turn.outlines.cut)
     if not len(cut):
         return []
@@ -371,10 +405,10 @@ def _estimate(
     free: np.ndarray,
     alike: bool,
 ) -> dict[str, Estimate]:
-    """Values with their deviations, from how the residuals change about where the fit ended.
+    """The parameters with their standard deviations, from the residuals' derivatives at the fit.
 
-    Silhouettes that are all alike fix the axis, and of the rest only what they contradict: a level
-    camera explains them always.
+    If all silhouettes look the same, they fix the axis and the roll only. Elevation, half angle
+    and step then get the standard deviations of their priors.
     """
     noise = max(NOISE, _root_mean_square(misses.pixels[turn.outlines.known]))
     turn = turn.sparse()
@@ -387,8 +421,10 @@ def _estimate(
     sd = np.zeros(len(fit.x))
     sd[free] = np.sqrt(np.diag(np.linalg.pinv(precision)))
     if alike:
-        loose = [i for i in (ELEVATION, VIEW, STEP) if i not in known]
-        sd[loose] = np.where(np.isfinite(prior_sd[loose]), prior_sd[loose], np.abs(fit.x[loose]))
+        unknown = [i for i in (ELEVATION, VIEW, STEP) if i not in known]
+        sd[unknown] = np.where(
+            np.isfinite(prior_sd[unknown]), prior_sd[unknown], np.abs(fit.x[unknown])
+        )
     values = fit.x[: len(NAMES)].copy()
     values[VIEW] = math.degrees(math.atan(math.exp(values[VIEW])))
     status = ["found" if s <= most else "open" for s, most in zip(sd, FIXED, strict=False)]
@@ -413,7 +449,7 @@ def _warn_of_rivals(
     certain: bool,
     mirror: str,
 ) -> list[str]:
-    """What else explains the silhouettes as well."""
+    """Sentences that name other turntables which explain the silhouettes as well."""
     said = []
     elevation, step = estimates["elevation"].value, estimates["step"].value
     others = {round(abs(x[STEP]), 3) for x in rivals if abs(abs(x[STEP] / step) - 1) > SAME}

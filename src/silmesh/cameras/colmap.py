@@ -21,12 +21,12 @@ from silmesh.geometry.camera import Cameras
 from silmesh.geometry.lens import Lens, lens_of
 from silmesh.views import View
 
-REGISTERED = 0.5  # of the views, below which the attempt is refused
-POINTS = 60  # below which it is refused
-TURNED = 10.0  # degrees between any two viewing directions, below which it is refused
-BLURRED = 1.5  # pixels per 1000 of the image: mean reprojection error of which is told
-SHORT = 2.5  # views that see a point, on average, below which it is told
-IN_ORDER = 0.8  # of the turns from view to view in one direction, below which it is told
+REGISTERED = 0.5  # least share of the views that must have a camera
+POINTS = 60  # least number of points that the model must have
+TURNED = 10.0  # degrees: least greatest angle between two viewing directions
+BLURRED = 1.5  # pixels per 1000 of the image: mean reprojection error from which to warn
+SHORT = 2.5  # mean number of views that see a point, below which to warn
+IN_ORDER = 0.8  # share of rotations from view to view in one direction, below which to warn
 
 
 def attempt_model(source: str, model: Path, report: Report, views: Sequence[View]) -> Attempt:
@@ -84,7 +84,7 @@ def refuse_poor(figures: dict) -> None:
     Raises:
         InputError: with the figures, and what to try
     """
-    told = (
+    model = (
         f"{figures['registered']} of {figures['views']} photographs have a camera, from "
         f"{figures['points']} points, each seen by {figures['track_length']:.1f} of them, to "
         f"{figures['reprojection_error']:.2f} pixels"
@@ -94,11 +94,11 @@ def refuse_poor(figures: dict) -> None:
         f"that lies under the object and turns with it, would help{TRY_CALIBRATE}"
     )
     if len(models := figures["models"]) > 1:
-        told += f"; COLMAP found groups of {', '.join(map(str, models))} that it cannot join"
+        model += f"; COLMAP found groups of {', '.join(map(str, models))} that it cannot join"
     if figures["registered"] < REGISTERED * figures["views"]:
-        raise InputError(f"{told}; at least {REGISTERED:.0%} should have one. {hint}")
+        raise InputError(f"{model}; at least {REGISTERED:.0%} should have one. {hint}")
     if figures["points"] < POINTS:
-        raise InputError(f"{told}; at least {POINTS} points are needed. {hint}")
+        raise InputError(f"{model}; at least {POINTS} points are needed. {hint}")
 
 
 def refuse_unturned(R: Tensor, figures: dict) -> None:
@@ -138,18 +138,18 @@ def in_working_pixels(
     """The cameras with these poses and with the model's lenses, for the working images."""
     images = registered(found, views)
     by_name = {view.view: view for view in views}
-    seen = [by_name[image.name] for image in images]
+    of_images = [by_name[image.name] for image in images]
     K = np.stack([found.cameras[image.camera_id].calibration_matrix() for image in images])
     cameras = Cameras(
-        tuple(view.view for view in seen),
-        torch.tensor([[view.width, view.height] for view in seen]),
+        tuple(view.view for view in of_images),
+        torch.tensor([[view.width, view.height] for view in of_images]),
         torch.as_tensor(K),
         R,
         t,
         tuple(lens(found.cameras[image.camera_id]) for image in images),
     )
-    maps = torch.as_tensor(np.stack([view.pixel_map for view in seen]))
-    return cameras.in_pixels_of(maps, torch.tensor([[view.size, view.size] for view in seen]))
+    maps = torch.as_tensor(np.stack([view.pixel_map for view in of_images]))
+    return cameras.in_pixels_of(maps, torch.tensor([[view.size, view.size] for view in of_images]))
 
 
 def lens(camera: pycolmap.Camera) -> Lens | None:

@@ -31,13 +31,13 @@ from silmesh.views import View, open_image, read_image
 
 LENS = "SIMPLE_RADIAL"  # focal length, principal point, one radial coefficient
 FEWEST_PHOTOGRAPHS = 3
-LEAST_SIDE = 200  # pixels of the longer side, below which photographs hold too few features
-SMALL = 1200  # pixels of the longer side, up to which features are sought at twice the resolution
-USUAL_FOCAL = 1.2  # of the longer side, where nothing is known
-FEW_FEATURES = 40  # median over the views, below which there is nothing to match
-POOR = 0.2  # of the median: a photograph with fewer features than that is probably blurred
-FOCAL_ON_FILM = 41989  # EXIF's tag of the focal length as it were on film of 36 x 24 mm
-FILM = np.hypot(36, 24)  # its diagonal, to which COLMAP scales as well
+LEAST_SIDE = 200  # pixels: photographs whose longer side is shorter have too few features
+SMALL = 1200  # pixels: photographs up to this longer side are searched at twice their resolution
+USUAL_FOCAL = 1.2  # focal length over longer side that is assumed where EXIF gives none
+FEW_FEATURES = 40  # if the median over the views is below this, COLMAP is not tried
+POOR = 0.2  # of the median: a photograph with fewer features is probably blurred
+FOCAL_ON_FILM = 41989  # tag of EXIF: the focal length equivalent on 36 x 24 mm film
+FILM = np.hypot(36, 24)  # mm: diagonal of that film, by which COLMAP scales as well
 BORDER = 3  # working pixels by which a mask is widened: features need their surroundings
 
 

@@ -149,9 +149,9 @@ def _count_columns(path: Path) -> int | None:
 def _find_within(folder: Path) -> Located | None:
     for within in WITHIN:
         if models := find_models(folder / within):
-            place = models[0] if len(models) == 1 else folder / within
+            folder_or_model = models[0] if len(models) == 1 else folder / within
             files = tuple(file for model in models for file in model_files(model))
-            return Located("colmap", place, files)
+            return Located("colmap", folder_or_model, files)
     for name in NAMED:
         for file in sorted(folder.glob(name)):
             return locate(file)

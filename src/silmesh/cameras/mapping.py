@@ -15,8 +15,8 @@ from silmesh.errors import InputError
 from silmesh.progress import Share, untold
 from silmesh.settings.cameras import Reconstruction
 
-SMALLEST = 3  # views of a model
-GROWTH = 1.4  # of the views or points, after which all of them are adjusted again
+SMALLEST = 3  # least number of views of a model
+GROWTH = 1.4  # factor of growth in views or points after which all are bundle-adjusted again
 
 
 def map_views(

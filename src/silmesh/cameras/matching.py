@@ -20,9 +20,9 @@ from silmesh.progress import Share, untold
 from silmesh.settings.cameras import Matches
 
 OVERLAP = 10  # neighbours on either side that are matched in an ordered capture
-STILL = 2.0  # pixels that a feature may move and still be of the background
-TOLD, FEWEST = 20, 32  # times that progress is told at most, and pairs between two of them
-TRIALS = 2000  # of the search for a pair's geometry: finds one that 45 % of the matches fit
+STILL = 2.0  # pixels: a feature that moves less between two views may belong to the background
+TOLD, FEWEST = 20, 32  # most reports of progress, and least number of pairs between two of them
+TRIALS = 2000  # of RANSAC for a pair's geometry: enough for 45 % of inliers among the matches
 
 
 def match(

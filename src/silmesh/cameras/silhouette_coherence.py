@@ -1,14 +1,15 @@
-"""How far the rays through a view's outline miss the object that all other views allow.
+"""Silhouette coherence: how far the rays through an outline miss the hull of the other views.
 
-The ray through a point of an outline touches the object, so somewhere along it every other view
-must see it inside its silhouette or on its outline:
+The ray through a point of an outline touches the object. So at some depth it must project into or
+onto the silhouette of every other view. The residual of a ray is
 
     r = min(0, max over the ray of  min over the other views of  signed distance to their outline)
 
-in pixels of the view that it misses, 0 when cameras and silhouettes agree. This is the silhouette
-coherence of Hernandez, Schmitt and Cipolla (*Silhouette coherence for camera calibration under
-circular motion*, 2007), with a distance in place of their yes or no. Where r is not 0 it is the
-distance at one depth in one view, so its derivatives are that distance's, with both held.
+in pixels of the view whose silhouette it misses. It is 0 if cameras and silhouettes agree. This is
+the silhouette coherence of Hernandez, Schmitt and Cipolla (*Silhouette coherence for camera
+calibration under circular motion*, 2007), measured by a distance where they count hits. A residual
+that is not 0 is a signed distance at one depth in one view; its derivatives are those of this
+distance with depth and view held fixed.
 """
 
 from collections.abc import Sequence
@@ -26,24 +27,26 @@ from silmesh.errors import InputError
 from silmesh.geometry.frame import is_cut, whole_frames
 from silmesh.geometry.signed_distance import signed_distance
 
-REACH = 3 / 32  # of the image's side: distances to the outline are cut off there
-DEPTHS = 48  # points of each ray
-HALVINGS = 5  # of the step between them, about the best
-BLUR = 1.0  # pixels: deviation of the Gaussian that finds outlines between pixels
-SHIFT = 0.35  # pixels: how far that may lie beyond a pixel's centre; thin parts would vanish
-EDGE = 1.0  # pixels: an outline so near the frame is the frame's own
+REACH = 3 / 32  # signed distances are cut off beyond this share of the image's side
+DEPTHS = 48  # depths at which each ray is sampled first
+HALVINGS = 5  # times that the step is then halved about the best depth so far
+BLUR = 1.0  # pixels: standard deviation of the Gaussian that locates outlines between pixels
+# Pixels by which the blurred outline may leave a pixel's centre on its wrong side; without this
+# limit the blur would erase thin parts.
+SHIFT = 0.35
+EDGE = 1.0  # pixels: an outline this near the frame is taken to be the frame and not the object
 
 
 @dataclass(frozen=True)
 class Outlines:
-    """What the measure needs of some silhouettes.
+    """Silhouettes, prepared for the residuals.
 
     Attributes:
         distances: [views, height, width] float32, signed distance to the outline, positive inside
-        cut: [views] bool, whether the frame cuts the silhouette, so that what is beyond is unknown
+        cut: [views] bool, whether the frame cuts the silhouette; what lies beyond is then unknown
         points: [views, samples, 2] pixels x, y, spread evenly along each outline
         known: [views, samples] bool, whether the outline there is the object's and not the frame's
-        far: pixels, the distance that stands for all that is further away
+        far: pixels, where signed distances are cut off
     """
 
     distances: np.ndarray
@@ -53,7 +56,7 @@ class Outlines:
     far: float
 
     def select(self, views: Sequence[int], every: int = 1) -> "Outlines":
-        """Only these views, and every so many-th of their points."""
+        """Only these views, with every ``every``-th of their points."""
         return Outlines(
             self.distances[views],
             self.cut[views],
@@ -69,7 +72,7 @@ def trace(
     views: Sequence[str],
     frames: np.ndarray | None = None,
 ) -> Outlines:
-    """Prepare silhouettes, [views, height, width] bool, with so many points on each outline.
+    """Trace the outlines of silhouettes, [views, height, width] bool, at ``samples`` points each.
 
     Args:
         views: their names, for messages
@@ -98,7 +101,7 @@ def trace(
 
 
 def _forget_beyond(distance: np.ndarray, frame: Sequence[int]) -> None:
-    """Make unknown, NaN, what lies beyond a photograph's frame."""
+    """Set distances beyond a photograph's frame to NaN, which means unknown."""
     left, top, right, bottom = frame
     inside = distance[top:bottom, left:right].copy()
     distance[:] = np.nan
@@ -106,11 +109,11 @@ def _forget_beyond(distance: np.ndarray, frame: Sequence[int]) -> None:
 
 
 def _measure_distance(silhouette: np.ndarray, far: float) -> np.ndarray:
-    """Signed distance to the outline, which near it is known to a fraction of a pixel.
+    """Signed distance to the outline, accurate to a fraction of a pixel near the outline.
 
-    Across a straight edge at d a mask that is blurred by a Gaussian falls as its distribution, so
-    d = BLUR Phi^-1(blurred): the steps of the pixels along the edge are averaged. From two pixels
-    on the plain distance is as good.
+    A Gaussian blur of a straight edge has the profile Phi(d / BLUR) at the distance d, with the
+    normal distribution Phi. So d = BLUR Phi^-1(blurred), which averages the stairs of the pixels
+    along the edge. Two pixels from the outline and beyond, the plain distance is as good.
     """
     plain = signed_distance(silhouette, far, 0.0)
     near = np.abs(plain) < 3
@@ -134,13 +137,13 @@ def _spread_points(distance: np.ndarray, samples: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Pose:
-    """Where the cameras stand, as the kernels want it.
+    """Cameras, as the kernels take them.
 
     Attributes:
         P: [views, 3, 4] projections to pixels
         centres: [views, 3]
         rays: [views, samples, 3], directions through the outlines' points, of unit depth
-        middle: depth about which the object lies
+        middle: depth of the object's middle in all cameras
     """
 
     P: np.ndarray
@@ -149,21 +152,21 @@ class Pose:
     middle: float
 
 
-def place(K: np.ndarray, R: np.ndarray, t: np.ndarray, points: np.ndarray) -> Pose:
-    """Prepare cameras that share K [3, 3]; R [views, 3, 3], t [views, 3], points as traced."""
+def make_pose(K: np.ndarray, R: np.ndarray, t: np.ndarray, points: np.ndarray) -> Pose:
+    """Prepare cameras with K [3, 3] of all, R [views, 3, 3], t [views, 3] and outline points."""
     P = K @ np.concatenate([R, t[:, :, None]], axis=2)
-    seen = np.concatenate([points, np.ones_like(points[..., :1])], axis=2) @ np.linalg.inv(K).T
-    return Pose(P, -np.einsum("vji,vj->vi", R, t), seen @ R, float(t[0, 2]))
+    rays = np.concatenate([points, np.ones_like(points[..., :1])], axis=2) @ np.linalg.inv(K).T
+    return Pose(P, -np.einsum("vji,vj->vi", R, t), rays @ R, float(t[0, 2]))
 
 
 @dataclass(frozen=True)
 class Misses:
-    """By how much each ray misses, and what it misses.
+    """The residuals of all rays, and where each ray misses.
 
     Attributes:
-        pixels: [views, samples], r as above, 0 or below
-        depth: [views, samples], from the middle, at which it misses least
-        view: [views, samples] int64, which it misses there; -1 where it misses none
+        pixels: [views, samples], the residual r, 0 or negative
+        depth: [views, samples], at which the ray misses least, relative to the object's middle
+        view: [views, samples] int64, the view that it misses there; -1 if it misses none
     """
 
     pixels: np.ndarray
@@ -172,7 +175,7 @@ class Misses:
 
 
 def find_misses(outlines: Outlines, pose: Pose, radius: float) -> Misses:
-    """Follow every ray as far as ``radius`` before and behind the middle."""
+    """Search every ray, from ``radius`` before the object's middle to ``radius`` behind it."""
     views, samples = outlines.known.shape
     pixels, depth = np.zeros((2, views, samples))
     view = np.full((views, samples), -1)
@@ -189,34 +192,34 @@ def find_misses(outlines: Outlines, pose: Pose, radius: float) -> Misses:
 
 
 def distance_between(outlines: Outlines) -> float:
-    """By how much the other outlines differ from the first: root mean square, in pixels."""
+    """Root mean square distance of all outlines from that of the first view, in pixels."""
     x, y = np.moveaxis(outlines.points[outlines.known], -1, 0) - 0.5
     off = map_coordinates(outlines.distances[0], (y, x), order=1, mode="nearest")
     return float(np.sqrt(np.nanmean(off**2)))
 
 
-def measure_at(outlines: Outlines, misses: Misses, rays: Pose, seen: Pose) -> np.ndarray:
-    """The distances at the depths and in the views of ``misses``: [views, samples] pixels.
+def measure_at(outlines: Outlines, misses: Misses, rays: Pose, others: Pose) -> np.ndarray:
+    """The signed distances at the depths and in the views of ``misses``: [views, samples] pixels.
 
     Args:
-        rays: places the views whose rays these are
-        seen: places the views that they miss
+        rays: cameras of the views whose rays these are
+        others: cameras of the views that the rays miss
     """
     at = np.zeros_like(misses.pixels)
-    _measure(outlines.distances, outlines.far, seen.P, rays.centres, rays.rays, rays.middle,
+    _measure(outlines.distances, outlines.far, others.P, rays.centres, rays.rays, rays.middle,
              misses.depth, misses.view, at)  # fmt: skip
     return at
 
 
 def _spread_turns(views: int) -> np.ndarray:
-    """All steps from a view to the others; quarter turns, which carve most, come first."""
+    """All offsets from a view to the others, quarter turns first: they carve most."""
     steps = [round(i * views / k) for k in (4, 16, 64) for i in range(1, k)]
     return np.array([s for s in dict.fromkeys([*steps, *range(views)]) if 0 < s < views])
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
 def _sample(images, P, v, x, y, z):
-    """The distance where view v sees a point, by bilinear interpolation; NaN beyond the frame."""
+    """The distance of view v at a point's projection, bilinear; NaN beyond the frame."""
     _, height, width = images.shape
     depth = P[v, 2, 0] * x + P[v, 2, 1] * y + P[v, 2, 2] * z + P[v, 2, 3]
     column = (P[v, 0, 0] * x + P[v, 0, 1] * y + P[v, 0, 2] * z + P[v, 0, 3]) / depth - 0.5
@@ -232,9 +235,9 @@ def _sample(images, P, v, x, y, z):
 
 @njit(nogil=True, cache=True, error_model="numpy")
 def _find_least(distances, cut, far, P, order, v, x, y, z, best):
-    """The least distance of a point over all views but ``v``, at most 0, and which view's it is.
+    """The least distance of a point over all views but ``v``, at most 0, and the view that has it.
 
-    It is left as soon as it falls to ``best``, which it then does not exceed.
+    The search ends as soon as the distance is not above ``best``.
     """
     least, view = 0.0, -1
     for turn in order:
@@ -256,10 +259,10 @@ def _follow(
     part, distances, cut, far, known, P, centres, rays, middle, radius, order,
     pixels, depth, view,
 ):  # fmt: skip
-    """Fill the rows ``part`` of the last three arrays, see ``Misses``.
+    """Fill the rows ``part`` of the last three arrays, which are those of ``Misses``.
 
-    First at even depths, from the middle outwards: a good one that is met early rules out the
-    others sooner. Then nearer and nearer to the best of them.
+    A ray is sampled first at even depths, from the middle outwards, since a good depth that is met
+    early rules out the others sooner. Then the step about the best depth is halved repeatedly.
     """
     for v in part:
         for s in range(rays.shape[1]):

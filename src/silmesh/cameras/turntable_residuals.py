@@ -1,12 +1,14 @@
 """The residuals of a turntable's silhouettes, as functions of its geometry, and their fit.
 
-The measure is by how much the rays through the outlines miss the body that all other views allow,
-``silmesh.cameras.silhouette_coherence``: one residual a point of an outline, in pixels.
+A residual is the distance, in pixels, by which the ray through a point of an outline misses the
+visual hull of the other views (``silmesh.cameras.silhouette_coherence``). Each sampled point of an
+outline gives one residual.
 
-The model: the world turns about its axis y before one camera whose principal point is the image's
-middle. Silhouettes show no scale, so the image's side spans WIDTH at the axis, and the half angle
-of view says how strong the perspective is: the distance is WIDTH / 2 / tan(half angle). Weak
-priors, worth one measurement each, keep what the data leave open.
+The model has one camera that stands still, whose principal point is the image's middle, and a world
+that turns about its axis y. Silhouettes do not show scale, so the scale is fixed: the image's side
+spans WIDTH at the axis. The half angle of view gives the strength of the perspective, since the
+camera's distance is WIDTH / 2 / tan(half angle). Each parameter has a weak prior, which weighs as
+much as one measurement and decides only what the silhouettes leave open.
 """
 
 import math
@@ -21,30 +23,39 @@ from silmesh.cameras.silhouette_coherence import (
     Outlines,
     Pose,
     find_misses,
+    make_pose,
     measure_at,
-    place,
 )
 
-WIDTH = 1.6  # of the image at the axis, in world units
-COARSE_VIEWS, COARSE_SAMPLES = 24, 16  # of a thinned turntable
-NOISE = 0.15  # pixels: how well a traced outline is known
-SOFT = 1.0  # pixels beyond which a residual counts less
-JITTER = 0.5  # degrees: standard deviation of a turntable's errors from view to view
-INDEPENDENT = 3  # measurements that an outline is worth: a straight edge's pixels err alike
+WIDTH = 1.6  # world units that the image's side spans at the axis
+# The search for a start uses at most so many views, and about so many points of each outline.
+COARSE_VIEWS, COARSE_SAMPLES = 24, 16
+NOISE = 0.15  # pixels: standard deviation of a point on a traced outline
+SOFT = 1.0  # pixels: the soft L1 loss is quadratic below this residual and linear above it
+JITTER = 0.5  # degrees: prior standard deviation of a view's angle about its even step
+# The errors along an edge are correlated, so all points of an outline together weigh as much as
+# this many independent measurements.
+INDEPENDENT = 3
 
-ELEVATION, ROLL, AXIS, VIEW, STEP = range(5)  # the parameters; each view's own angle follows them
+# Positions of the shared parameters in a vector; the offsets of the single views come after them.
+ELEVATION, ROLL, AXIS, VIEW, STEP = range(5)
 NAMES = ("elevation", "roll", "axis", "half_angle", "step")
-PRIOR_SD = np.array([20.0, 3.0, np.inf, 1.0, np.inf])  # half angle: of its tangent's logarithm
+# Standard deviations and means of the priors, in the order of NAMES and in the units of the
+# parameters: degrees, pixels for the axis, and the logarithm of its tangent for the half angle.
+PRIOR_SD = np.array([20.0, 3.0, np.inf, 1.0, np.inf])
 PRIOR = np.array([10.0, 0.0, 0.0, math.log(math.tan(math.radians(12))), 0.0])
-DISTANCE_SD = 0.25  # of the logarithm of a distance in sizes of the object
-OVER = 1.0  # degrees by which a camera above the table may look up at it, and one below down
-SPREAD = np.array([3.0, 1.0, 3.0, 0.5, 0.1])  # typical sizes of a change
-NUDGE = np.array([0.05, 0.05, 0.1, 0.02, 0.005])  # for differences; as small as pixels allow
-PROBE = np.array([2.0, 0.7, 1.0, 0.3, 1.5])  # changes that show; the step's is over all views
+DISTANCE_SD = 0.25  # standard deviation of the logarithm of a distance that the user gave
+OVER = 1.0  # degrees: how far a fit that starts above the table may go below it, and vice versa
+SPREAD = np.array([3.0, 1.0, 3.0, 0.5, 0.1])  # scale of each parameter for the optimiser
+# Steps of the central differences that give the derivatives: as small as the pixels allow.
+NUDGE = np.array([0.05, 0.05, 0.1, 0.02, 0.005])
+# Changes that are large enough to show in the silhouettes, for the secants that give the standard
+# deviations. The change of the step is that over the whole turn.
+PROBE = np.array([2.0, 0.7, 1.0, 0.3, 1.5])
 
 
 class Turntable:
-    """The residuals of some silhouettes, as functions of all parameters.
+    """The residuals of silhouettes, as functions of all parameters of the turntable.
 
     The parameters x are, in degrees but for two: elevation, roll, axis (pixels), logarithm of the
     half angle's tangent, step, and [views] offsets of the views from even steps.
@@ -54,8 +65,8 @@ class Turntable:
         size: of their square images
         aspect: height over width of a square's image
         distance: of the camera from the axis in sizes of the object, if it is known roughly
-        index: [views] their places in the turn, in steps from the first; one after the other if
-            not given
+        index: [views] position of each view in the turn, in steps from the first view; 0, 1, 2, ...
+            if not given
     """
 
     def __init__(
@@ -78,7 +89,7 @@ class Turntable:
         self.radius = 1.2 * self.reach * WIDTH / size  # about the object's middle, with a margin
 
     def thin(self) -> "Turntable":
-        """The same on fewer views and points."""
+        """The same turntable with fewer views and points, for the search."""
         count = len(self.index)
         kept = np.unique(np.linspace(0, count, COARSE_VIEWS, endpoint=False).astype(int))
         kept = kept if count > COARSE_VIEWS else np.arange(count)
@@ -86,26 +97,27 @@ class Turntable:
         return self._with(self.outlines.select(kept, every), self.index[kept])
 
     def sparse(self) -> "Turntable":
-        """The same on every other point."""
+        """The same turntable with every other point of the outlines."""
         every = np.arange(len(self.index))
         return self._with(self.outlines.select(every, 2), self.index)
 
     def only(self, samples: np.ndarray) -> "Turntable":
-        """The same with residuals at some points of the outlines, [samples] bool, alone."""
+        """The same turntable with residuals only at some points of outlines, [samples] bool."""
         known = self.outlines.known & samples
         return self._with(replace(self.outlines, known=known), self.index)
 
     def cameras_at(
-        self, x: np.ndarray, places: int
+        self, x: np.ndarray, positions: int
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """``camera`` of so many places in the turn, also of those without a silhouette.
+        """The cameras at the first so many positions of the turn, with or without a silhouette.
 
         Returns:
-            K [3, 3], R [places, 3, 3], t [places, 3], and the offsets [places], 0 without one
+            K [3, 3], R [positions, 3, 3], t [positions, 3], and the views' offsets from even steps
+            [positions], 0 without a silhouette
         """
-        offsets = np.zeros(places)
+        offsets = np.zeros(positions)
         offsets[self.index] = x[len(NAMES) :]
-        whole = self._with(self.outlines, np.arange(places))
+        whole = self._with(self.outlines, np.arange(positions))
         return *whole.camera(np.r_[x[: len(NAMES)], offsets]), offsets
 
     def _with(self, outlines: Outlines, index: np.ndarray) -> "Turntable":
@@ -114,12 +126,12 @@ class Turntable:
         return part
 
     def start(self, elevation: float, half_angle: float, step: float) -> np.ndarray:
-        """Parameters with the axis amid the silhouettes."""
+        """Parameters to start a fit from, with the axis in the middle of the silhouettes."""
         log_tan = math.log(math.tan(math.radians(half_angle)))
         return np.array([elevation, 0, self.column, log_tan, step] + [0] * len(self.index))
 
     def rotations(self, x: np.ndarray) -> np.ndarray:
-        """From the world to each view: [views, 3, 3]."""
+        """The rotations from the world to each camera: [views, 3, 3]."""
         e, roll = np.radians(x[[ELEVATION, ROLL]])
         a = np.radians(x[STEP] * self.index + x[STEP + 1 :])
         tilt = np.array(
@@ -143,15 +155,15 @@ class Turntable:
         return K, self.rotations(x), np.tile(t, (len(self.index), 1))
 
     def pose(self, x: np.ndarray) -> Pose:
-        """The cameras for the kernels."""
-        return place(*self.camera(x), self.outlines.points)
+        """The cameras, as the kernels take them."""
+        return make_pose(*self.camera(x), self.outlines.points)
 
     def misses(self, x: np.ndarray) -> Misses:
-        """The data's residuals."""
+        """The residuals, without the priors."""
         return find_misses(self.outlines, self.pose(x), self.radius)
 
     def slopes(self, x: np.ndarray, misses: Misses) -> np.ndarray:
-        """The data's derivatives where it missed: [views, samples, parameters]."""
+        """The derivatives of the residuals, 0 where a ray hits: [views, samples, parameters]."""
         shared = len(NUDGE)
         slopes = np.zeros((*misses.pixels.shape, len(x)))
         for i, nudge in enumerate(NUDGE):
@@ -170,10 +182,10 @@ class Turntable:
         return slopes
 
     def secants(self, x: np.ndarray) -> np.ndarray:
-        """Differences over changes that show, of shared parameters: [views, samples, parameters].
+        """Differences over large changes of shared parameters: [views, samples, parameters].
 
-        A residual is 0 on one side, so where silhouettes and cameras agree it has no derivative,
-        although the parameters may be well known.
+        A residual is 0 as long as its ray hits, so it has no derivative where silhouettes and
+        cameras agree, although the silhouettes may fix the parameters well.
         """
         probes = PROBE / [1, 1, 1, 1, len(self.index)]
         sides = [
@@ -184,7 +196,7 @@ class Turntable:
         return np.stack(each, axis=-1)
 
     def prior(self) -> tuple[np.ndarray, np.ndarray]:
-        """Mean and standard deviation of every parameter before the data."""
+        """Mean and standard deviation of the prior of each parameter: each [parameters]."""
         sd = np.concatenate([PRIOR_SD, np.full(len(self.index), JITTER)])
         sd[AXIS] = self.size / 10
         mean = np.concatenate([PRIOR, np.zeros(len(self.index))])
@@ -200,7 +212,8 @@ class Turntable:
         A camera that starts above the table stays there, and so does one below.
         """
         mean, sd = self.prior()
-        worth = NOISE * math.sqrt(self.outlines.known.shape[1] / INDEPENDENT)  # of a measurement
+        # A prior weighs as much as one of INDEPENDENT measurements, not as one of all samples.
+        worth = NOISE * math.sqrt(self.outlines.known.shape[1] / INDEPENDENT)
         last: list[tuple[bytes, Misses]] = []
 
         def whole(part: np.ndarray) -> np.ndarray:
@@ -230,7 +243,7 @@ class Turntable:
         return found
 
     def _bounds(self, start: np.ndarray) -> np.ndarray:
-        """Least and greatest parameters: [2, parameters]."""
+        """The least and greatest values that a fit may reach: [2, parameters]."""
         bounds = np.array([[-np.inf], [np.inf]]).repeat(len(start), axis=1)
         bounds[:, ELEVATION] = (-OVER, 75) if start[ELEVATION] >= 0 else (-75, OVER)
         bounds[:, ROLL] = -30, 30
@@ -239,11 +252,11 @@ class Turntable:
         return bounds
 
     def cost(self, x: np.ndarray) -> float:
-        """Mean square of the data's residuals, in square pixels, large ones counting less."""
+        """Mean soft L1 loss of the residuals, in square pixels."""
         return float(self._squares(x)[self.outlines.known].mean())
 
     def view_costs(self, x: np.ndarray) -> np.ndarray:
-        """The same of each view: [views]; 0 for one with no outline."""
+        """The cost of each view: [views]; 0 for one without an outline."""
         known = self.outlines.known
         return (self._squares(x) * known).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
 
@@ -251,15 +264,15 @@ class Turntable:
         return SOFT**2 * 2 * (np.sqrt(1 + (self.misses(x).pixels / SOFT) ** 2) - 1)
 
     def excess(self, better: float, worse: float) -> float:
-        """By how many standard errors one cost exceeds another."""
+        """By how many standard errors the cost ``worse`` exceeds the cost ``better``."""
         square = INDEPENDENT * len(self.index) * (worse - better) / max(better, NOISE**2)
         return math.copysign(math.sqrt(abs(square)), square)
 
 
 def mirrored(x: np.ndarray) -> np.ndarray:
-    """The parameters that show the mirrored object the same from very far.
+    """The parameters at which a distant camera sees the mirrored object the same.
 
-    Depth turned about, D = diag(1, 1, -1), takes R = lean tilt(e) turn(a) to D R = R' D with
+    Negating depth, with D = diag(1, 1, -1), takes R = lean tilt(e) turn(a) to D R = R' D with
     R' = lean tilt(-e) turn(-a).
     """
     twin = x.copy()

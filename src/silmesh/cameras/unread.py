@@ -125,7 +125,7 @@ WITHIN = (  # patterns in a folder, and what such a file holds near its beginnin
     ("*.json", b'"t_0', POLYCAM),
     ("camera/*.json", b"focal_length", NERFIES),
 )
-BEGINNING = 4096  # bytes of a file that are looked at
+BEGINNING = 4096  # bytes of a file by which its format is recognised
 ROOTS = {  # of XML: the name of its outermost element
     "BlocksExchange": Unread(
         "ContextCapture's blocks (BlocksExchange)",

@@ -5,11 +5,11 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-FLAT = 0.05  # of the ring's radius: how far its centres lie from their plane, at most
-ROUND = 0.25  # least extent of a ring across over along
-ALONG = 0.5  # least cosine of the up direction with the cameras' own ups
-SPREAD = 0.02  # least variance of the cameras' right directions, in their plane
-TRIMMED, TIMES = 3.0, 5  # centres so many deviations off the plane are left out, so often
+FLAT = 0.05  # greatest extent of a ring of cameras across its plane, over that along it
+ROUND = 0.25  # least extent of a ring along its shorter axis, over that along its longer one
+ALONG = 0.5  # least cosine of an up direction with the mean of the cameras' own
+SPREAD = 0.02  # least variance of the cameras' right directions along the second principal axis
+TRIMMED, TIMES = 3.0, 5  # standard deviations beyond which centres are trimmed, and iterations
 
 
 class Up(NamedTuple):

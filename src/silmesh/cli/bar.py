@@ -23,7 +23,7 @@ SECONDS = {
     "colmap_masked": (2.0, 0.1),
     "scene": (1.0, 0.012),
     "judge": (1.0, 0.1),
-    "first": (2.0, 0.01),
+    "initial": (2.0, 0.01),
     "fit": (4.0, 0.04),
     "colour": (1.0, 0.005),
     "evaluate": (1.0, 0.005),
@@ -34,9 +34,10 @@ SECONDS = {
 }
 OTHER = (3.0, 0.0)  # a step that is not listed
 NETWORKS = {"matting": 3.0, "deeplab": 0.2}  # seconds a photograph, of silhouettes
-LATE = 0.1  # of its usual time, that a job still takes which has taken longer
-LONG, SHORT, WIDE = 20, 8, 72  # letters of the bar, and of a line from which it is long
-START = 5.0  # seconds of the listed speed that are believed before anything is done
+LATE = 0.1  # of its usual time: estimate of the rest of a job that takes longer than usual
+# Letters of a bar, and of a narrow terminal's; a terminal of WIDE letters gets the long one.
+LONG, SHORT, WIDE = 20, 8, 72
+START = 5.0  # seconds of work whose speed is assumed to be that of the table at the beginning
 
 
 @dataclass

@@ -37,10 +37,10 @@ rule meshes:
         rules.all.input,
 """
 CONFIGURATION = """\
-# What is made of every object of datasets.tsv; all keys are in silmesh's README.
+# What is made of every object of datasets.tsv; all keys are in silmesh's manual.
 datasets: datasets.tsv
 views: {size: 256, resize: pad}   # the working images
-quality: {policy: auto}           # of views whose silhouette is doubtful: keep, drop, repair, auto
+quality: {policy: auto}           # of outliers among the silhouettes: keep, drop, repair, auto
 variants:                         # experiments by name; each object runs every one
   mesh:
     init: {shape: hull}           # or sphere, ellipsoid, cylinder, cube, prism, auto

@@ -6,10 +6,12 @@ with StoppingAtOnce():
     import io
     import os
     import sys
+    from importlib import import_module
     from pathlib import Path
     from typing import Any
 
     import click
+    from click.shell_completion import CompletionItem
 
     from silmesh.errors import InputError
     from silmesh.files import NOT_OURS
@@ -18,6 +20,41 @@ with StoppingAtOnce():
 
 MAKE = "make"  # what is meant where no command is named
 WRONG, FAILED = 2, 1  # exit statuses; 0 also where the mesh is doubtful
+
+
+class _Method(click.ParamType):
+    """One of ours, or ``path/to/file.py:function``: a name of a list that is imported when needed.
+
+    Args:
+        module, names: where the list is
+    """
+
+    name = "method"
+
+    def __init__(self, module: str, names: str):
+        self._module, self._names = module, names
+
+    @property
+    def choices(self) -> tuple[str, ...]:
+        return tuple(getattr(import_module(self._module), self._names))
+
+    def convert(self, value: str, param: Any, ctx: Any) -> str:
+        from silmesh.own_code import own_file
+
+        if value not in self.choices and not own_file(value):
+            self.fail(
+                f"{value!r} is not one of {', '.join(self.choices)}, nor one of your own, "
+                "path/to/file.py:function",
+                param,
+                ctx,
+            )
+        return value
+
+    def get_metavar(self, param: click.Parameter, ctx: Any = None) -> str:
+        return f"[{'|'.join(self.choices)}|FILE.py:FUNCTION]"
+
+    def shell_complete(self, ctx: Any, param: Any, incomplete: str) -> list[Any]:
+        return [CompletionItem(name) for name in self.choices if name.startswith(incomplete)]
 
 
 class _Make(click.Command):
@@ -97,7 +134,7 @@ def main() -> None:
 )
 @click.option(
     "--silhouettes",
-    type=click.Choice(["mask", "alpha", "threshold", "matting", "deeplab"]),
+    type=_Method("silmesh.settings.silhouettes", "SOURCES"),
     help="Where the object's outline comes from. Chosen by what the photographs show.",
 )
 @click.option(
@@ -117,7 +154,7 @@ def main() -> None:
 @click.option("--init", default="hull", show_default=True, help="Initial mesh: its shape.")
 @click.option(
     "--preset",
-    type=click.Choice(["fast", "softras"]),
+    type=_Method("silmesh.settings.fit", "FITS"),
     default="fast",
     show_default=True,
     help="How the mesh is fitted; softras is slow.",

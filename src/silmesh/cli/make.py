@@ -80,12 +80,8 @@ def make_mesh(
     _try_outputs(output, page)
     folder, name = place_of(paths, keep)
     try_workspace(folder, OTHER_KEEP if keep else OTHER_CACHE)
-    besides = [output, page, masks, _path_of(cameras), folder]
     named = _cut_video(paths, folder)
-    files, notes = find_photographs(named, [path for path in besides if path])
-    found, lacking = _find_masks(files, masks, silhouettes)
-    known = [] if _path_of(cameras) else find_cameras(files)
-    _say(describe_count(files), *notes, *lacking, *known)
+    files, found = _find_inputs(named, masks, silhouettes, cameras, (output, page, folder))
     silhouettes, tries = _choose(files, found, silhouettes, cameras)
     if silhouettes == MASK:
         refuse_labels(found)
@@ -96,19 +92,29 @@ def make_mesh(
         _say(f"the results in {work.folder} are of silmesh {before}; what changed is made anew")
     runner = Runner(work.folder, cores, verbose)
     bar = Bar(len(files), silhouettes)
+    besides = [PAGE] if page else []
     try:
-        variant, tried = _try(
-            work, runner, bar, silhouettes, tries, options, [PAGE] if page else []
-        )
+        variant, tried = _try(work, runner, bar, silhouettes, tries, options, besides)
     finally:
         bar.close()
     export(work.folder / work.result(variant, ""), output)
     if page:
         copy(work.folder / PAGE, page)
+    _say_outcome(work, variant, tried, output, len(find_unread(named, files)))
+
+
+def _say_outcome(
+    work: Workspace, variant: str, tried: Sequence[str], output: Path, unread: int
+) -> None:
+    """Say what a file of cameras was warned of, the quality of the mesh, and what to do about it.
+
+    Args:
+        tried: the sources of cameras that were tried
+        unread: how many photographs are in formats that are not read
+    """
     metrics = _read(work, variant)
     if metrics["cameras"]["source"] == FILE:
-        _say(*(_as_written(warning, tries[0]) for warning in metrics["cameras"]["warnings"]))
-    unread = len(find_unread(named, files))
+        _say(*(_as_written(warning, tried[0]) for warning in metrics["cameras"]["warnings"]))
     doubts = find_doubts(metrics, work.folder / "results", tried, unread)
     click.echo(describe(output, metrics, doubts))
     _say(*(f"doubtful: {doubt}" for doubt in doubts))
@@ -164,6 +170,27 @@ def _cut_video(paths: Sequence[Path], folder: Path) -> Sequence[Path]:
     claim(folder)
     _say(f"{paths[0]}: is a video; the sharpest pictures are taken from it")
     return cut(paths[0], folder / VIDEO / "frames")
+
+
+def _find_inputs(
+    named: Sequence[Path],
+    masks: Path | None,
+    silhouettes: str | None,
+    cameras: str | None,
+    others: Sequence[Path | None],
+) -> tuple[list[Path], list[Path]]:
+    """The photographs and their masks, if these are wanted; says what lies there and is not used.
+
+    Args:
+        named: a folder, or files
+        others: what else is named, which is no photograph that was overlooked
+    """
+    besides = [path for path in (*others, masks, _path_of(cameras)) if path]
+    files, notes = find_photographs(named, besides)
+    found, lacking = _find_masks(files, masks, silhouettes)
+    known = [] if _path_of(cameras) else find_cameras(files)
+    _say(describe_count(files), *notes, *lacking, *known)
+    return files, found
 
 
 def _find_masks(
@@ -283,15 +310,23 @@ def _configure(
     file = _path_of(cameras)
     where = f"{kind}:{usable(file.absolute())}" if file else cameras
     variant = kind if kind.isidentifier() else "mesh"
-    # The workflow runs in another folder.
-    init = str(Path(options["init"]).absolute()) if own_file(options["init"]) else options["init"]
-    row = {"silhouettes": silhouettes, "cameras": where, "turntable": options["turntable"]}
+    init, preset = _from_anywhere(options["init"]), _from_anywhere(options["preset"])
+    row = {
+        "silhouettes": _from_anywhere(silhouettes),
+        "cameras": where,
+        "turntable": options["turntable"],
+    }
     values = {
         "views": {"size": options["size"]},
         "quality": {"policy": options["quality"]},
-        "variants": {variant: {"init": {"shape": init}, "fit": {"preset": options["preset"]}}},
+        "variants": {variant: {"init": {"shape": init}, "fit": {"preset": preset}}},
     }
     return variant, row, values
+
+
+def _from_anywhere(method: str) -> str:
+    """A method's name, the path of a person's own made absolute: the workflow runs elsewhere."""
+    return str(Path(method).absolute()) if own_file(method) else method
 
 
 def _as_written(said: str, cameras: str) -> str:

@@ -1,4 +1,4 @@
-"""What a run came to, in one line, and what to do where it is doubtful; the mesh as a file."""
+"""The result of a run in one line, with what to do if it is doubtful; the mesh as a file."""
 
 import re
 import shutil
@@ -13,13 +13,13 @@ from silmesh.geometry.thresholds import COHERENT
 from silmesh.naming import quote
 
 SUFFIXES = (".glb", ".obj", ".ply", ".stl")
-MEAN, WORST = 0.95, 0.85  # IoU below which the fit and a view are doubted
-FEWEST = 8  # photographs, below which a hull of true silhouettes holds much that is not the object
-CONTRADICTED = 0.1  # of the views: more whose colours contradict their silhouettes are a doubt
-UNUSED = 0.2  # of all photographs: more that have no part in the mesh are a doubt
+MEAN, WORST = 0.95, 0.85  # mean IoU, and least IoU of a view, below which the mesh is doubtful
+FEWEST = 8  # with fewer photographs even a visual hull of true silhouettes is far too large
+CONTRADICTED = 0.1  # share of views with contradicted silhouettes from which it is doubtful
+UNUSED = 0.2  # share of unused photographs from which it is doubtful
 CALIBRATE, COLMAP = "calibrate", "colmap"
 SOURCES = {CALIBRATE: {CALIBRATE}, COLMAP: {COLMAP}, "auto": {CALIBRATE, COLMAP}}
-WHEN = {  # other cameras are worth a try
+WHEN = {  # advice on other sources of cameras
     CALIBRATE: "--cameras calibrate if the object turned before a camera that stood still",
     COLMAP: "--cameras colmap if the camera moved",
 }

@@ -91,9 +91,9 @@ class Runner:
     def _start(self, targets: Sequence[str]) -> tuple[subprocess.Popen, int, TextIO]:
         """Snakemake, the file by which it knows that this process lives, and its events."""
         ours, theirs = make_lifeline()
-        events, told = os.pipe()
+        events, sink = os.pipe()
         process = subprocess.Popen(
-            self._command(targets, told),
+            self._command(targets, sink),
             cwd=self._folder,
             env=_environment(self._folder) | {LIFELINE: name_lifeline(theirs)},
             encoding="utf-8",
@@ -102,10 +102,10 @@ class Runner:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             start_new_session=True,
-            pass_fds=(told,),
+            pass_fds=(sink,),
         )
         os.close(theirs)
-        os.close(told)
+        os.close(sink)
         return process, ours, open(events, encoding="utf-8")
 
     def _command(self, targets: Sequence[str], events: int) -> list[str]:

@@ -1,14 +1,16 @@
-"""How near a mesh comes to the true one, in 3D."""
+"""Distances and overlap of a mesh with the ground truth, in 3D."""
 
 import igl
 import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
-SAMPLES = 50_000  # points on each surface
-VOLUME_SAMPLES = 100_000  # points in the box about both bodies
-F_SCORE_DISTANCE = 0.01  # of the diagonal of the truth's bounding box
-DOUBTFUL = 0.1  # of the points inside: of more no winding number may be undecided
+SAMPLES = 50_000  # points that are sampled on each surface
+VOLUME_SAMPLES = 100_000  # points that are sampled in the bounding box of both bodies
+F_SCORE_DISTANCE = 0.01  # of the diagonal of the truth's bounding box: a point this near counts
+# A mesh has no inside if the winding numbers of more points than this share of those inside are
+# near 1/2.
+UNDECIDED = 0.1
 
 
 def compare_to_truth(mesh: trimesh.Trimesh, truth: trimesh.Trimesh) -> dict[str, float | None]:
@@ -63,5 +65,5 @@ def _fill(mesh: trimesh.Trimesh, points: np.ndarray) -> np.ndarray | None:
     verts, faces = np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
     winding = np.abs(igl.fast_winding_number(verts, faces, points))
     inside = winding > 0.5
-    doubtful = (winding > 0.25) & (winding < 0.75)
-    return None if doubtful.sum() > DOUBTFUL * inside.sum() else inside
+    undecided = (winding > 0.25) & (winding < 0.75)
+    return None if undecided.sum() > UNDECIDED * inside.sum() else inside

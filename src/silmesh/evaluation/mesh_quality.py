@@ -1,4 +1,4 @@
-"""How sound a mesh is by itself: closed, manifold, not cutting itself, of even triangles."""
+"""Mesh quality: whether a mesh is closed, manifold, free of self-intersections, and even."""
 
 import numpy as np
 import trimesh

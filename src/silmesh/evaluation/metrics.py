@@ -1,4 +1,4 @@
-"""What a fitted mesh comes to: the content of ``metrics.json``."""
+"""The metrics of a fitted mesh: the content of ``metrics.json``."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -21,7 +21,7 @@ def evaluate(
     last: Mapping[str, Any],
     sigma: float,
     holdout: int = 0,
-    first: Mapping[str, Any] | None = None,
+    initial: Mapping[str, Any] | None = None,
     silhouettes: str | None = None,
     truth: trimesh.Trimesh | None = None,
     align: bool = False,
@@ -35,24 +35,19 @@ def evaluate(
         last: ``loss``, ``iteration`` and ``seconds`` of the fit's last step
         sigma: as in the fit, in squared half-image units
         holdout: every n-th view was kept out of the fit; 0 for none
-        first: what is said of the initial mesh
+        initial: ``init.json`` of the initial mesh
         silhouettes: where they lie, as the metrics say it
         truth: the true mesh, in the cameras' world
-        align: lay the mesh on the truth first
+        align: register the mesh with the truth first
     Returns:
         the metrics, for JSON: ``docs/metrics.md`` says what each is
     """
     iou = silhouette_iou(*to_tensors(mesh), cameras, scene.silhouettes, sigma)
-    told = scene.told
     metrics = {
         **summarise_iou(iou, held_out(len(iou), holdout)),
         "hull_iou_mean": float(scene.coherence.mean()),
         "views": len(iou),
-        "views_dropped": len(told["dropped"]),
-        "views_repaired": len(told.get("repaired", [])),
-        "hull_doubtful": ", ".join(told["doubtful"]) or None,
-        "measured": told.get("measured", []),
-        "silhouettes_contradicted": told.get("contradicted", []),
+        **_describe_views(scene.notes),
         "loss_final": float(last["loss"]),
         "iterations": int(last["iteration"]) + 1,
         "fit_seconds": float(last["seconds"]),
@@ -62,39 +57,60 @@ def evaluate(
         "silhouettes": silhouettes,
     }
     if truth is not None:
-        if told.get("mirrored"):  # as the world of the mesh is
-            truth = truth.copy()
-            truth.apply_transform(np.diag([*MIRROR, 1.0]))
+        truth = _mirror(truth) if scene.notes.get("mirrored") else truth
         metrics |= _compare(mesh, truth, align)
-    metrics["cameras"] = {
-        "source": told["cameras"],
-        "because": told["cameras_because"],
-        "attempts": told["attempts"],
-        "dropped": told["dropped"],
-        "mirrored": told.get("mirrored", False),
-        "warnings": told["warnings"],
-    }
-    if first is not None:
-        metrics["first"] = dict(first)
+    metrics["cameras"] = _describe_cameras(scene.notes)
+    if initial is not None:
+        metrics["first"] = dict(initial)
     metrics["iou"] = dict(zip(cameras.views, iou.tolist(), strict=True))
     return metrics
 
 
+def _describe_views(notes: Mapping[str, Any]) -> dict[str, Any]:
+    """What the metrics say of views, from the notes of their scene."""
+    return {
+        "views_dropped": len(notes["dropped"]),
+        "views_repaired": len(notes.get("repaired", [])),
+        "hull_doubtful": ", ".join(notes["doubtful"]) or None,
+        "measured": notes.get("measured", []),
+        "silhouettes_contradicted": notes.get("contradicted", []),
+    }
+
+
+def _describe_cameras(notes: Mapping[str, Any]) -> dict[str, Any]:
+    """What the metrics say of cameras, from the notes of their scene."""
+    return {
+        "source": notes["cameras"],
+        "because": notes["cameras_because"],
+        "attempts": notes["attempts"],
+        "dropped": notes["dropped"],
+        "mirrored": notes.get("mirrored", False),
+        "warnings": notes["warnings"],
+    }
+
+
+def _mirror(truth: trimesh.Trimesh) -> trimesh.Trimesh:
+    """The ground truth of a left-handed world, mirrored as the world of the mesh is."""
+    mirrored = truth.copy()
+    mirrored.apply_transform(np.diag([*MIRROR, 1.0]))
+    return mirrored
+
+
 def _compare(
-    mesh: trimesh.Trimesh, truth: trimesh.Trimesh, laid: bool
+    mesh: trimesh.Trimesh, truth: trimesh.Trimesh, align: bool
 ) -> dict[str, bool | float | dict | None]:
-    """Compare a mesh to the truth, after it was ``laid`` on it if that is asked for."""
+    """Compare a mesh to the truth, registered with it first if ``align`` is set."""
     # What only a truth needs: libraries that take half a second of a run without one.
     from silmesh.evaluation.ground_truth import compare_to_truth
-    from silmesh.evaluation.registration import align
+    from silmesh.evaluation.registration import register
 
-    if not laid:
+    if not align:
         return compare_to_truth(mesh, truth)
-    found = align(mesh, truth)
+    found = register(mesh, truth)
     moved = trimesh.Trimesh(found.apply(mesh.vertices), mesh.faces, process=False)
     placement = {"scale": found.scale, "R": found.R.tolist(), "t": found.t.tolist()}
-    told = {"aligned": True, "scale": found.scale, "placement": placement}
-    return told | compare_to_truth(moved, truth)
+    registered = {"aligned": True, "scale": found.scale, "placement": placement}
+    return registered | compare_to_truth(moved, truth)
 
 
 def summarise_iou(values: np.ndarray, held_out: Sequence[int]) -> dict[str, float | None]:

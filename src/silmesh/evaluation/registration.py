@@ -1,14 +1,14 @@
-"""The similarity that lays a mesh on its truth: scale, rotation and shift, never a reflection.
+"""Registration of a mesh with the ground truth by a similarity without reflection.
 
-Cameras that were estimated leave the frame arbitrary. Many rotations are tried by how far the two
-surfaces then lie apart; the best are refined by the point-to-plane iteration of Chen and Medioni
-(1992) with a scale: with x a point of the moved mesh, q the nearest of the truth and n the normal
-there, it solves for a small turn w, shift d and growth g
+Estimated cameras leave the frame of a mesh arbitrary. Many rotations are compared by the mean
+distance of the two surfaces. The best are refined by point-to-plane ICP (Chen and Medioni 1992)
+with a scale: for a point x of the moved mesh, the nearest point q of the truth and its normal n, it
+solves for a small rotation w, translation d and growth g
 
     n . (x - q) + n . (w x x + d + g x) = 0
 
-by least squares, both for the mesh's points and for the truth's, so that neither can shrink into
-the other, and weights down what lies far off.
+by least squares. The points of both surfaces take part, so that neither can shrink into the other,
+and large residuals are weighted down.
 """
 
 from dataclasses import dataclass
@@ -19,15 +19,17 @@ import trimesh
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-ROTATIONS = 300  # tried beside those that lay principal axes on each other
-TRIED, ROUGH, FINE = 200, 1000, 15_000  # points of each surface
-KEPT = 12  # rotations that are refined
-ROUNDS = 30
-SPREAD = 3.0  # medians: residuals beyond are weighted down
+ROTATIONS = 300  # random rotations that are tried beside those that match the principal axes
+# Points of each surface by which rotations are compared, the best ones are refined, and at last the
+# best of all.
+TRIED, ROUGH, FINE = 200, 1000, 15_000
+KEPT = 12  # number of rotations that are refined
+ROUNDS = 30  # most iterations of ICP
+SPREAD = 3.0  # width of the robust weight, in medians of the residuals
 
 
 @dataclass(frozen=True)
-class Alignment:
+class Registration:
     """X' = scale R X + t.
 
     Attributes:
@@ -63,10 +65,10 @@ class Surface:
         self.axes = np.linalg.svd(self.points - self.centre, full_matrices=False)[2]
 
 
-def align(mesh: trimesh.Trimesh, truth: trimesh.Trimesh) -> Alignment:
-    """Find the similarity that lays a mesh on its truth."""
+def register(mesh: trimesh.Trimesh, truth: trimesh.Trimesh) -> Registration:
+    """Find the similarity that registers a mesh with the truth."""
     ours, theirs = Surface(mesh, seed=0), Surface(truth, seed=1)
-    tried = [_place(ours, theirs, R) for R in _rotations(ours, theirs)]
+    tried = [_start(ours, theirs, R) for R in _rotations(ours, theirs)]
     tried.sort(key=lambda found: found.distance)
     rough = [_refine(ours, theirs, found, ROUGH) for found in tried[:KEPT]]
     best = min(rough, key=lambda found: found.distance)
@@ -83,23 +85,23 @@ def _rotations(ours: Surface, theirs: Surface) -> np.ndarray:
     return np.concatenate([spread, [R for R in onto if np.linalg.det(R) > 0]])
 
 
-def _place(ours: Surface, theirs: Surface, R: np.ndarray) -> Alignment:
-    """Turn by R, centre on centre and size on size."""
+def _start(ours: Surface, theirs: Surface, R: np.ndarray) -> Registration:
+    """The registration that rotates by R and matches centres and sizes."""
     scale = theirs.radius / ours.radius
-    found = Alignment(scale, R, theirs.centre - scale * R @ ours.centre)
+    found = Registration(scale, R, theirs.centre - scale * R @ ours.centre)
     return _judge(ours, theirs, found, TRIED)
 
 
-def _judge(ours: Surface, theirs: Surface, found: Alignment, count: int) -> Alignment:
+def _judge(ours: Surface, theirs: Surface, found: Registration, count: int) -> Registration:
     """The same with its distance, by so many points of each surface."""
     here, _ = theirs.tree.query(found.apply(ours.points[:count]))
     there, _ = ours.tree.query(found.undo(theirs.points[:count]))
     distance = (here.mean() + found.scale * there.mean()) / 2
-    return Alignment(found.scale, found.R, found.t, float(distance))
+    return Registration(found.scale, found.R, found.t, float(distance))
 
 
-def _refine(ours: Surface, theirs: Surface, found: Alignment, count: int) -> Alignment:
-    """The point-to-plane iteration, until it stands."""
+def _refine(ours: Surface, theirs: Surface, found: Registration, count: int) -> Registration:
+    """Run point-to-plane ICP until it converges."""
     for _ in range(ROUNDS):
         x, q, n = _match(ours, theirs, found, count)
         residual = (n * (x - q)).sum(axis=1)
@@ -113,14 +115,14 @@ def _refine(ours: Surface, theirs: Surface, found: Alignment, count: int) -> Ali
         turn = Rotation.from_rotvec(step[:3] / theirs.radius).as_matrix()
         grow = float(np.exp(np.clip(step[6] / theirs.radius, -0.1, 0.1)))
         t = grow * turn @ (found.t - theirs.centre) + theirs.centre + step[3:6]
-        found = Alignment(grow * found.scale, turn @ found.R, t)
+        found = Registration(grow * found.scale, turn @ found.R, t)
         if np.abs(step).max() < 1e-6 * theirs.radius:
             break
     return _judge(ours, theirs, found, count)
 
 
 def _match(
-    ours: Surface, theirs: Surface, found: Alignment, count: int
+    ours: Surface, theirs: Surface, found: Registration, count: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points of the moved mesh, those of the truth beside them, normals: each [2 count, 3]."""
     moved = found.apply(ours.points[:count])

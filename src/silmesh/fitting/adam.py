@@ -1,7 +1,7 @@
-"""Adam (Kingma and Ba 2015, algorithm 1), step for step as torch's own.
+"""Adam (Kingma and Ba 2015, algorithm 1), with the same steps as torch's own.
 
-torch's optimisers import its compiler when the first of them is made, which takes longer than many
-a fit.
+The first optimiser of torch that a process makes imports torch's compiler, which takes longer than
+many a fit.
 """
 
 from collections.abc import Iterable
@@ -9,15 +9,15 @@ from collections.abc import Iterable
 import torch
 from torch import Tensor
 
-EPS = 1e-8
+EPS = 1e-8  # added to the denominator, as in the paper
 
 
 class Adam:
-    """Moves parameters against their gradients, in place.
+    """Adam, which changes its parameters in place.
 
     Args:
-        parameters: leaves; one whose gradient is None stays where it is
-        betas: of the two moments
+        parameters: leaf tensors; one without a gradient stays as it is
+        betas: decay rates of the first and the second moment
     """
 
     def __init__(self, parameters: Iterable[Tensor], betas: tuple[float, float]):
@@ -40,11 +40,11 @@ class Adam:
             moved.addcdiv_(first, (self.scale(second).sqrt() / root).add_(EPS), value=-length)
 
     def scale(self, second: Tensor) -> Tensor:
-        """The squared gradients by which the steps of a parameter are scaled: each by its own."""
+        """The second moment by which a parameter's steps are scaled; subclasses may change it."""
         return second
 
     def state(self) -> dict:
-        """All that changes but the parameters."""
+        """All that changes, except the parameters."""
         return {"steps": self._steps, "first": self._first, "second": self._second}
 
     def restore(self, state: dict) -> None:

@@ -1,19 +1,20 @@
-"""Cameras refined alongside the mesh: corrections that all share, and small ones of each view.
+"""Camera refinement: corrections that all cameras share, and small ones of each view.
 
-A correction turns a camera about the world's origin and shifts it, both in the camera's own frame:
+A correction rotates a camera about the world's origin and shifts it, both in the camera's frame:
 
     R' = exp([w]x) R,    t' = t + v,    then f' = f exp(s) and t_z' = t_z exp(s)
 
-A longer lens goes with a greater distance, so that s changes the perspective alone: seen from afar
-it could hardly be told from the size of the mesh.
+The distance grows with the focal length, so that s changes the perspective alone; a change of the
+focal length alone could hardly be distinguished from a change of the mesh's size.
 
-w and v are the sum of those that all cameras share (of a turntable: elevation, roll, the axis's
-place, distance) and of the view's own; the focal length is shared. Each is counted in standard
-deviations of what is to be expected, and half the sum of their squares is the prior.
+w and v are each the sum of a correction that all cameras share (for a turntable: elevation, roll,
+position of the axis, distance) and of one of the view's own. The focal length is shared. All are
+parametrised in standard deviations of their prior, which is half the sum of their squares.
 
-A similarity of the world (R -> R exp(-[a]x), t -> t + R b, t -> c t) shows in no silhouette, so its
-directions are taken out of the corrections, and the shared ones out of the views' own. So the whole
-does not drift, and the shared correction is right for a view that is not fitted.
+A similarity of the world (R -> R exp(-[a]x), t -> t + R b, t -> c t) changes no silhouette. So its
+directions are projected out of all corrections, and the directions of the shared corrections out of
+those of the views. The scene then cannot drift, and the shared correction also suits a view that
+was not fitted.
 """
 
 from collections.abc import Sequence
@@ -25,11 +26,13 @@ from torch import Tensor
 from silmesh.fitting.adam import Adam
 from silmesh.geometry.camera import Cameras
 
-OWN_SD = (0.009, 0.009, 0.009, 0.006, 0.006, 0.006)  # of w (radians) and v (world units) of a view
-SHARED_SD = (0.05, 0.05, 0.05, 0.05, 0.05, 0.2, 0.1)  # of w, v and s of all
-SHARED = 0.1  # weight of the shared corrections' prior: that of a tenth of all views
-PERSPECTIVE = 6  # its place among the shared corrections
-SAME = 0.999  # cosine from which on a shared correction is a similarity of the world
+# Standard deviations of the prior: of w (radians) and v (world units) of one view, and of w, v and
+# s of all views together.
+OWN_SD = (0.009, 0.009, 0.009, 0.006, 0.006, 0.006)
+SHARED_SD = (0.05, 0.05, 0.05, 0.05, 0.05, 0.2, 0.1)
+SHARED = 0.1  # weight of the shared corrections' prior, beside 1 for the mean of the views' priors
+PERSPECTIVE = 6  # index of s among the shared corrections
+SAME = 0.999  # cosine from which a shared correction counts as a similarity of the world
 
 
 class Refinement:
@@ -50,11 +53,11 @@ class Refinement:
         self._taken = _span(torch.cat([gauge, shared], dim=1))
 
     def start(self) -> Tensor:
-        """The parameters of no correction."""
+        """The parameters that correct nothing."""
         return torch.zeros(7 + 6 * len(self.cameras), dtype=torch.float64)
 
     def corrections(self, parameters: Tensor) -> tuple[Tensor, Tensor]:
-        """In standard deviations: the shared ones [7] and the views' own [views, 6]."""
+        """The shared corrections [7] and those of the views [views, 6], in standard deviations."""
         shared = torch.cat([self._allowed @ parameters[:6], parameters[6:7]])
         own = parameters[7:] - self._taken @ (self._taken.mT @ parameters[7:])
         return shared, own.reshape(-1, 6)
@@ -66,7 +69,7 @@ class Refinement:
         return _correct(self.cameras.select(index), own + shared[:6], shared[6])
 
     def all_of(self, parameters: Tensor, cameras: Cameras, fitted: list[int]) -> Cameras:
-        """The cameras of all views, of which these are fitted; the others are corrected as all."""
+        """The corrected cameras of all views; those not fitted get the shared correction alone."""
         shared, own = self.corrections(parameters)
         shared = shared * self._shared_sd
         every = shared[:6].repeat(len(cameras), 1)
@@ -74,18 +77,18 @@ class Refinement:
         return _correct(cameras, every, shared[6])
 
     def prior(self, parameters: Tensor) -> Tensor:
-        """Half the squares of the corrections: the mean of the views' own, and the shared ones."""
+        """The negative logarithm of the prior: the mean over the views, and the shared part."""
         shared, own = self.corrections(parameters)
         return own.square().sum() / (2 * len(own)) + SHARED * shared.square().sum() / 2
 
 
 class RefinementAdam(Adam):
-    """Adam on a refinement's parameters, in which the perspective does not drift.
+    """Adam on the parameters of a refinement, without a drift of the perspective.
 
-    Silhouettes hardly tell the perspective, so its gradient is small and its sign changes with
-    rounding. Adam would scale it up to steps as long as any: cameras that were right ended 1 % away
-    in the mean, up to 2.5 %. Scaled by the largest of the shared corrections' gradients, the
-    perspective moves as far as the silhouettes ask for it beside the others.
+    Silhouettes hardly depend on the perspective, so its gradient is small and its sign random.
+    Plain Adam scales it up to full steps, and correct cameras ended 1 % away in the mean, up to
+    2.5 %. Here the perspective's gradient is scaled by the largest second moment of the shared
+    corrections, so that it moves in proportion to them.
     """
 
     def scale(self, second: Tensor) -> Tensor:
@@ -96,7 +99,7 @@ class RefinementAdam(Adam):
 
 
 def _correct(cameras: Cameras, own: Tensor, log_focal: Tensor) -> Cameras:
-    """Turn and shift cameras by [views, 6], and lengthen lens and distance."""
+    """Rotate and shift cameras by [views, 6], and scale focal length and distance."""
     turn = torch.linalg.matrix_exp(_cross(own[:, :3]))
     one = torch.ones_like(log_focal)
     scale = torch.stack([log_focal.exp(), log_focal.exp(), one])
@@ -114,7 +117,7 @@ def _cross(w: Tensor) -> Tensor:
 
 
 def _similarities(cameras: Cameras) -> Tensor:
-    """What turning, shifting and scaling the world does to w and v of each view: [6 views, 7]."""
+    """Derivatives of w and v of each view by a similarity of the world: [6 views, 7]."""
     count = len(cameras)
     turn = torch.cat([-cameras.R, torch.zeros_like(cameras.R)], dim=1)
     shift = torch.cat([torch.zeros_like(cameras.R), cameras.R], dim=1)
@@ -123,7 +126,7 @@ def _similarities(cameras: Cameras) -> Tensor:
 
 
 def _without(directions: Tensor, others: Tensor) -> Tensor:
-    """What makes combinations of directions [n, k] orthogonal to those that lie in ``others``."""
+    """The matrix [k, k] that removes from combinations of directions [n, k] those in ``others``."""
     basis, coordinates = torch.linalg.qr(directions)
     u, cosines, _ = torch.linalg.svd(basis.mT @ _span(others))
     same = u[:, : len(cosines)][:, cosines > SAME]
@@ -132,6 +135,6 @@ def _without(directions: Tensor, others: Tensor) -> Tensor:
 
 
 def _span(directions: Tensor) -> Tensor:
-    """An orthonormal basis of what directions [n, k] span: [n, their rank]."""
+    """An orthonormal basis [n, rank] of the span of directions [n, k]."""
     u, singular, _ = torch.linalg.svd(directions, full_matrices=False)
     return u[:, singular > 1e-6 * singular[0]]

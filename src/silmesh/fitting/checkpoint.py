@@ -1,4 +1,4 @@
-"""A fit's state on disk, so that one that was killed goes on where it was."""
+"""A fit's state on disk, from which a fit that was killed resumes."""
 
 import hashlib
 import io
@@ -15,7 +15,7 @@ from silmesh.errors import InputError
 from silmesh.files import remove, replacing
 from silmesh.geometry.camera import Cameras
 
-EVERY = 5.0  # seconds between writes
+EVERY = 5.0  # least number of seconds between two writes
 
 
 class Checkpoint:
@@ -23,8 +23,8 @@ class Checkpoint:
 
     Args:
         path: of the file
-        of: all that the fit depends on: cameras, tensors, settings. What another fit has left is
-            not taken
+        of: everything that the fit depends on: cameras, tensors, settings. The checkpoint of a fit
+            that depends on something else is ignored
         every: seconds between writes
     """
 
@@ -46,9 +46,9 @@ class Checkpoint:
         return state if isinstance(state, dict) else None
 
     def offer(self, state: Callable[[], dict]) -> None:
-        """Write the state, which is only then asked for, if it is time to.
+        """Write the state if it is time to; otherwise ``state`` is not called.
 
-        Where the disk has no room for it, or takes nothing, the fit goes on, and that is said once.
+        If the disk is full or cannot be written, the fit goes on, and this is reported once.
         """
         if time.monotonic() - self._last < self._every:
             return
@@ -73,7 +73,7 @@ class Checkpoint:
 
 
 def _digest(of: Sequence[Any]) -> str:
-    """A digest of tensors, of cameras, and of what its text says all of."""
+    """A digest of tensors, cameras, and objects whose ``repr`` is complete."""
     digest = hashlib.sha256()
     for part in of:
         if isinstance(part, Cameras):

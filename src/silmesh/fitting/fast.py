@@ -1,9 +1,10 @@
-"""Our own fit: from coarse to fine, by smooth steps, with the cameras refined alongside.
+"""The preset ``fast``: a fit over an image pyramid by smooth steps, with camera refinement.
 
-What is counted in pixels is so in those of the level that is fitted, whose images are 1/2^k of the
-working images. A step sees one batch of views, spread evenly; a round is some of each batch. When
-a round's loss is hardly lower than that of the one before, steps are halved; when they have been
-halved often enough, the level is done.
+The fit goes through the levels of an image pyramid from coarse to fine. Lengths in pixels are in
+those of the current level, unless stated otherwise. Each step renders one batch of views, which
+are spread evenly over all views; a round is a number of steps in which each batch occurs equally
+often. If a round lowers the loss by little, the steps are halved. After a given number of such
+halvings the fit goes on to the next level, or ends.
 """
 
 import math
@@ -16,49 +17,52 @@ import torch
 from torch import Tensor
 
 from silmesh.fitting.camera_refinement import Refinement, RefinementAdam
-from silmesh.fitting.image_pyramid import Level, levels_of
+from silmesh.fitting.image_pyramid import PyramidLevel, build_pyramid
 from silmesh.fitting.loop import refuse_not_finite
 from silmesh.fitting.losses import Objective
-from silmesh.fitting.placement import place
+from silmesh.fitting.placement import move_to_silhouettes
+from silmesh.fitting.renderers import find_renderer
 from silmesh.fitting.smooth import Smooth, UniformAdam
 from silmesh.fitting.untangle import untangle
-from silmesh.geometry.camera import FIRST_SCALE, Cameras
+from silmesh.geometry.camera import INITIAL_SCALE, Cameras
 from silmesh.geometry.remeshing import even_length, remesh
 from silmesh.settings.fit import FastFit
-from silmesh.softras import soft_silhouettes
 
-PRIOR = 0.01  # weight of the cameras' prior
-CAMERA_STEP = 0.1  # of Adam's first steps, in the prior's standard deviations
-CAMERA_BETAS = (0.9, 0.99)
-NEAR = 0.25  # loss of a round from which on the mesh tells something about the cameras
-LEVELLED = 0.01  # a round that lowers the loss by a smaller share than this halves the steps
-HALVINGS = 5  # of the steps: with the last the finest level is done
-COARSE_HALVINGS = 3  # the same of the others, which the finer ones improve on
-ROUND = 6  # steps of a round at least
-STRETCHED = 0.35  # standard deviation of the edges' lengths over their mean that asks for new edges
-FINER = 0.7  # mean of the edges over their wished length that does so, too
-SHORTEST = 1.0  # pixels of the working images: no edge is wished shorter
-REMESH_PASSES = 3
-APART = 0.1  # pixels of the working images between two sides that had passed through each other
+PRIOR = 0.01  # weight of the prior of the camera corrections in the loss
+CAMERA_STEP = 0.1  # learning rate of the corrections, in standard deviations of their prior
+CAMERA_BETAS = (0.9, 0.99)  # of Adam on the corrections
+NEAR = 0.25  # the cameras are refined once the mean loss of a round is below this
+LEVELLED = 0.01  # a round that lowers the mean loss by a smaller share halves the steps
+HALVINGS = 5  # halvings of the steps after which the fit on the finest level ends
+COARSE_HALVINGS = 3  # halvings after which a coarser level gives way to the next finer one
+ROUND = 6  # least number of steps in a round
+# The mesh is remeshed if the standard deviation of its edge lengths over their mean exceeds
+# STRETCHED, or if their mean is less than FINER times the target length.
+STRETCHED = 0.35
+FINER = 0.7
+SHORTEST = 1.0  # pixels of the working images: least target length of an edge
+REMESH_PASSES = 3  # passes of the remeshing
+# Pixels of the working images that ``untangle`` leaves between two sides of a sheet that crossed.
+APART = 0.1
 
 
 @dataclass
 class State:
-    """All of a fit that changes from step to step, which is what a checkpoint keeps.
+    """Everything that changes from step to step, which is what a checkpoint holds.
 
     Attributes:
         faces: [faces, 3] int64
         u: [verts, 3] float64, the parameters of the vertices, as ``Smooth`` has them
-        mover: what moves them
-        corrections: of the cameras, as ``Refinement`` has them
-        adam: what moves these
-        steps: how many were taken
-        halvings: how many times steps were halved because a number was not finite
-        near: whether the mesh is near enough to tell something about the cameras
-        level: the one that is fitted; their number when the last is done
-        slowed: how many times the level's steps were halved because its loss had levelled
-        before: mean loss of the round before
-        losses: of this round's steps so far
+        mover: the optimiser of ``u``
+        corrections: parameters of the cameras, as ``Refinement`` takes them
+        adam: the optimiser of ``corrections``
+        steps: number of steps so far
+        halvings: how many times the steps were halved because a number was not finite
+        near: whether the mesh fits well enough for the cameras to be refined
+        level: index of the current level of the pyramid; the number of levels at the end
+        slowed: how many times the steps of this level were halved because its loss had levelled
+        before: mean loss of the previous round
+        losses: losses of the steps of this round so far
     """
 
     faces: Tensor
@@ -96,15 +100,18 @@ class Fast:
         settings: FastFit,
         weights: Tensor | None = None,
     ):
-        self._told, self._weights = settings, weights
+        self._settings, self._weights = settings, weights
+        self._render = find_renderer(settings.renderer)
         sigma = settings.sigma_at(silhouettes.shape[-1])
-        self._levels = levels_of(cameras, silhouettes, sigma, settings.coarse_to_fine)
+        self._levels = build_pyramid(cameras, silhouettes, sigma, settings.coarse_to_fine)
         self._batches = math.ceil(len(cameras) / (settings.batch or len(cameras)))
         self._round = self._batches * math.ceil(ROUND / self._batches)
         self._refinement = Refinement(cameras)
         self._count = len(faces)
         self._take_faces(faces, len(template))
-        self._state = self._start(place(template / FIRST_SCALE, cameras, silhouettes.cpu()), faces)
+        self._state = self._start(
+            move_to_silhouettes(template / INITIAL_SCALE, cameras, silhouettes.cpu()), faces
+        )
         self._even_out()
 
     def _start(self, verts: Tensor, faces: Tensor) -> State:
@@ -128,9 +135,9 @@ class Fast:
 
     @property
     def done(self) -> bool:
-        """Whether the last level is done, or no step is left."""
+        """Whether the finest level is done, or all steps are taken."""
         state = self._state
-        return state.level == len(self._levels) or state.steps == self._told.iterations
+        return state.level == len(self._levels) or state.steps == self._settings.iterations
 
     @property
     def verts(self) -> Tensor:
@@ -138,26 +145,26 @@ class Fast:
         return self._smooth(self._state.u).detach()
 
     def correct(self, cameras: Cameras, fitted: list[int]) -> Cameras:
-        """Cameras of all views, those at the positions ``fitted`` fitted, as the mesh has them."""
-        if not self._told.refine_cameras:
+        """The refined cameras of all views, of which those at positions ``fitted`` were fitted."""
+        if not self._settings.refine_cameras:
             return cameras
         return self._refinement.all_of(self._state.corrections.detach(), cameras, fitted)
 
     def step(self) -> dict[str, float]:
-        """A step on a batch of views."""
+        """Take a step on a batch of views."""
         level = self._levels[self._state.level]
         index, verts = self._choose(), self._smooth(self._state.u)
-        cameras = level.see(self._cameras(index))
-        seen = level.silhouettes[index]
-        alpha = soft_silhouettes(
-            cameras.project(verts), self.faces, tuple(seen.shape[1:]), sigma=level.sigma
+        cameras = level.scale_cameras(self._cameras(index))
+        silhouettes = level.silhouettes[index]
+        alpha = self._render(
+            cameras.project(verts), self.faces, tuple(silhouettes.shape[1:]), sigma=level.sigma
         )
         weights = None if self._weights is None else self._weights[index]
-        losses = self._objective(verts, alpha, seen, weights)
+        losses = self._objective(verts, alpha, silhouettes, weights)
         values = refuse_not_finite(losses.read())
         self._move(losses.loss, level)
         self._count_round(values["loss"])
-        if self.done and self._told.untangle:
+        if self.done and self._settings.untangle:
             self._untangle()
         return values
 
@@ -167,19 +174,19 @@ class Fast:
         return self._refinement.cameras.select(index)
 
     def _choose(self) -> list[int]:
-        """The views of this step: every n-th, in an order of the rounds' own."""
-        number, place = divmod(self._state.steps, self._batches)
-        order = np.random.default_rng([self._told.seed, number]).permutation(self._batches)
-        return list(range(order[place], len(self._refinement.cameras), self._batches))
+        """Positions of the views of this step: every n-th view, n batches in a random order."""
+        number, position = divmod(self._state.steps, self._batches)
+        order = np.random.default_rng([self._settings.seed, number]).permutation(self._batches)
+        return list(range(order[position], len(self._refinement.cameras), self._batches))
 
-    def _move(self, loss: Tensor, level: Level) -> None:
-        """A step of the vertices and the cameras."""
+    def _move(self, loss: Tensor, level: PyramidLevel) -> None:
+        """Move the vertices and the cameras."""
         state = self._state
         share = 0.5 ** (state.halvings + state.slowed)
         state.u.grad = state.corrections.grad = None
         (loss + PRIOR * self._refinement.prior(state.corrections)).backward()
         refuse_not_finite({}, state.u.grad, state.corrections.grad)
-        length = self._told.learning_rate * level.pixel * share
+        length = self._settings.learning_rate * level.pixel * share
         with torch.no_grad():
             state.u -= length * state.mover.direction(state.u.grad)
         if state.near:
@@ -188,7 +195,7 @@ class Fast:
         state.steps += 1
 
     def _count_round(self, loss: float) -> None:
-        """At a round's end: new edges if they are stretched, shorter steps if it has levelled."""
+        """At the end of a round, halve the steps if the loss has levelled, and remesh if needed."""
         state = self._state
         state.losses.append(loss)
         if len(state.losses) < self._round:
@@ -197,15 +204,15 @@ class Fast:
         if mean > state.before * (1 - LEVELLED):  # a loss that falls after a jump has not levelled
             state.slowed += 1
         state.before = mean
-        state.near |= self._told.refine_cameras and mean < NEAR
+        state.near |= self._settings.refine_cameras and mean < NEAR
         finest = state.level == len(self._levels) - 1
         if state.slowed >= (HALVINGS if finest else COARSE_HALVINGS):
             state.level, state.slowed, state.before = state.level + 1, 0, math.inf
         self._even_out()
 
     def _even_out(self) -> None:
-        """Give the mesh new edges if they have become uneven."""
-        if not self._told.remesh or self.done:
+        """Remesh if the edges have become uneven or too short."""
+        if not self._settings.remesh or self.done:
             return
         verts = self.verts
         edges = (verts[self.faces] - verts[self.faces.roll(-1, 1)]).norm(dim=2)
@@ -228,16 +235,16 @@ class Fast:
         state.faces, state.u, state.mover = faces, u.requires_grad_(), self._new_mover(u)
 
     def _take_faces(self, faces: Tensor, count: int) -> None:
-        """What follows from the faces alone."""
-        told = self._told
-        self._smooth = Smooth(faces, count, told.smoothing)
-        self._objective = Objective(faces, count, told.weights)
+        """Prepare what depends on the faces alone."""
+        settings = self._settings
+        self._smooth = Smooth(faces, count, settings.smoothing)
+        self._objective = Objective(faces, count, settings.weights)
 
     def _new_mover(self, u: Tensor) -> UniformAdam:
-        return UniformAdam(u.detach(), self._told.betas)
+        return UniformAdam(u.detach(), self._settings.betas)
 
     def state(self) -> dict:
-        """A copy of all that changes, each field of ``State``, as what a file can hold."""
+        """A copy of each field of ``State``, in a form that a file can hold."""
         return deepcopy({f.name: _pack(getattr(self._state, f.name)) for f in fields(State)})
 
     def restore(self, state: dict) -> None:
@@ -251,14 +258,14 @@ class Fast:
 
 
 def _pack(value: Any) -> Any:
-    """What a checkpoint holds of a field."""
+    """A field in the form in which a checkpoint holds it."""
     if isinstance(value, Tensor):
         return value.detach()
     return value.state() if hasattr(value, "state") else value
 
 
 def _unpack(here: Any, kept: Any) -> Any:
-    """A field as it was; an optimiser and what it moves stay the objects that they are."""
+    """Restore a field; an optimiser and the tensors that it moves stay the same objects."""
     if hasattr(here, "restore"):
         here.restore(kept)
         return here

@@ -16,14 +16,15 @@ from silmesh.fitting.loop import run as run_fit
 from silmesh.fitting.presets import find_procedure
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.mesh_files import to_tensors
+from silmesh.own_code import naming
 from silmesh.scene.scene import Scene
-from silmesh.settings.fit import Fit
+from silmesh.settings.fit import Fit, refuse_clash
 from silmesh.views import held_out
 
 
 @dataclass(frozen=True)
 class Fitted:
-    """What a fit came to.
+    """The result of a fit.
 
     Attributes:
         mesh: in the input's own world, its vertices those of single precision that files have
@@ -52,28 +53,28 @@ def fit_mesh(
         scene: the views; those of weight 0 are not fitted
         settings: of the preset, whose procedure fits; which views are kept out; the device
         watch: is told of each step
-        go_on: gives the checkpoint to go on from and to leave if killed, of a fit that depends on
-            what it is given
+        go_on: makes the checkpoint to resume from and to write, from all that the fit depends on
 
     Raises:
         InputError: the mesh does not suit the procedure, there is no such device, or the fit
             meets numbers that are not finite again and again
     """
     cameras = scene.cameras
-    counts = [scene.told.get("weights", {}).get(view, 1.0) for view in cameras.views]
+    counts = [scene.notes.get("weights", {}).get(view, 1.0) for view in cameras.views]
     out = held_out(len(cameras), settings.holdout)
     kept = [i for i, count in enumerate(counts) if count and i not in out]
-    device = _choose_device(settings.device)
+    device = _choose_device(settings)
     template, faces = (part.to(device) for part in to_tensors(mesh))
-    seen = torch.tensor(scene.silhouettes[kept]).to(device, torch.float32)
+    silhouettes = torch.tensor(scene.silhouettes[kept]).to(device, torch.float32)
     weights = _weights([counts[i] for i in kept], device)
-    parts = template, faces, cameras.select(kept), seen, settings, weights
+    parts = template, faces, cameras.select(kept), silhouettes, settings, weights
     checkpoint = go_on(parts) if go_on else None
-    fit = find_procedure(settings.preset)(*parts)
-    records = run_fit(fit, watch, checkpoint)
-    back = scene.similarity.inverse
-    fitted = to_mesh(back.apply(fit.verts.double()), fit.faces)
-    corrected = fit.correct(cameras, kept).in_world_of(back)
+    with naming(settings.preset, settings.renderer):
+        fit = find_procedure(settings.preset)(*parts)
+        records = run_fit(fit, watch, checkpoint)
+        back = scene.similarity.inverse
+        fitted = to_mesh(back.apply(fit.verts.double()), fit.faces)
+        corrected = fit.correct(cameras, kept).in_world_of(back)
     return Fitted(fitted, corrected, records, settings)
 
 
@@ -88,8 +89,11 @@ def _weights(counts: Sequence[float], device: str) -> Tensor | None:
     return torch.tensor(counts, device=device) if len(set(counts)) > 1 else None
 
 
-def _choose_device(name: str) -> str:
-    gpu = torch.cuda.is_available()
+def _choose_device(settings: Fit) -> str:
+    refuse_clash(settings)
+    name, gpu = settings.device, torch.cuda.is_available()
     if name == "cuda" and not gpu:
         raise InputError("device 'cuda': torch finds no GPU here; should be 'cpu' or 'auto'")
-    return ("cuda" if gpu else "cpu") if name == "auto" else name
+    if name != "auto":
+        return name
+    return "cuda" if gpu and settings.renderer != "cpu" else "cpu"

@@ -1,4 +1,4 @@
-"""Coarse to fine: the working images halved, and halved again, softer the coarser they are."""
+"""An image pyramid of silhouettes: images from coarse to fine, the coarser ones rendered softer."""
 
 from dataclasses import dataclass
 
@@ -7,20 +7,21 @@ from torch import Tensor
 
 from silmesh.geometry.camera import Cameras
 
-FACTORS = (4, 2, 1)  # by which the images are shrunk
-SMALLEST = 32  # pixels: no level is smaller
-SOFTER = 1.5  # sigma grows with the factor to the power of two (as pixels do) times this
+FACTORS = (4, 2, 1)  # by which the images of the levels are smaller, the coarsest first
+SMALLEST = 32  # pixels a side: levels with smaller images are left out
+# Sigma grows with the factor to the power of 2 SOFTER. With 1 it would be constant in pixels.
+SOFTER = 1.5
 
 
 @dataclass(frozen=True)
-class Level:
-    """One resolution.
+class PyramidLevel:
+    """One level of the pyramid.
 
     Attributes:
         factor: by which the images are smaller than the working images
         silhouettes: [views, height, width], 0 to 1
         sigma: in squared half-image units
-        pixel: the size of a pixel at the object, in world units
+        pixel: size of a pixel at the object's distance, in world units
     """
 
     factor: int
@@ -28,22 +29,24 @@ class Level:
     sigma: float
     pixel: float
 
-    def see(self, cameras: Cameras) -> Cameras:
-        """The cameras of the working images for those of this level."""
+    def scale_cameras(self, cameras: Cameras) -> Cameras:
+        """Cameras of the working images, scaled to the images of this level."""
         shrink = torch.diag(torch.tensor([1 / self.factor, 1 / self.factor, 1.0]))
         return cameras.in_pixels_of(
             shrink.double().expand(len(cameras), 3, 3), cameras.sizes // self.factor
         )
 
 
-def levels_of(
+def build_pyramid(
     cameras: Cameras, silhouettes: Tensor, sigma: float, coarse_to_fine: bool
-) -> list[Level]:
-    """The levels of some silhouettes [views, height, width], the finest last."""
+) -> list[PyramidLevel]:
+    """The pyramid of silhouettes [views, height, width], the finest level last."""
     sides = silhouettes.shape[1:]
     pixel = float((cameras.t[:, 2] / cameras.K[:, 0, 0]).median())
     return [
-        Level(factor, _shrink(silhouettes, factor), sigma * factor ** (2 * SOFTER), pixel * factor)
+        PyramidLevel(
+            factor, _shrink(silhouettes, factor), sigma * factor ** (2 * SOFTER), pixel * factor
+        )
         for factor in (FACTORS if coarse_to_fine else (1,))
         if factor == 1 or all(side % factor == 0 and side // factor >= SMALLEST for side in sides)
     ]

@@ -1,9 +1,9 @@
-"""The loop around a fit, whichever its procedure: records, checkpoints, and steps taken back."""
+"""The loop around any fitting procedure: records, checkpoints, and undone steps."""
 
 import math
 import time
 from collections.abc import Callable
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, fields
 from functools import partial
 from typing import Protocol
 
@@ -13,8 +13,8 @@ from silmesh.errors import InputError
 from silmesh.fitting.checkpoint import Checkpoint
 from silmesh.geometry.camera import Cameras
 
-TRIES = 6  # how many times a step is halved before the fit is given up
-LABELS = {"iou_loss": "IoU loss", "laplacian": "Laplacian"}  # of losses that go by other words
+TRIES = 6  # halvings of the steps after which a fit that meets infinite numbers fails
+LABELS = {"iou_loss": "IoU loss", "laplacian": "Laplacian"}  # names of losses in messages
 ADVICE = "A smaller learning_rate or a larger sigma may help"
 
 
@@ -28,6 +28,9 @@ class Record:
     laplacian: float
     flatten: float
     seconds: float
+
+
+LOSSES = {field.name for field in fields(Record)} - {"iteration", "seconds"}
 
 
 class NotFinite(Exception):  # noqa: N818
@@ -88,6 +91,7 @@ def run(
             del records[good["steps"] :]
             here = good
             continue
+        _refuse_other(losses)
         seconds = time.perf_counter() - start
         records.append(Record(iteration=len(records), seconds=seconds, **losses))
         watch(records[-1])
@@ -97,8 +101,18 @@ def run(
     return records
 
 
+def _refuse_other(losses: dict[str, float]) -> None:
+    """Refuse losses under other names, as a procedure of a person's own may give."""
+    if not isinstance(losses, dict) or losses.keys() != LOSSES:
+        gives = ", ".join(losses) if isinstance(losses, dict) else type(losses).__name__
+        raise InputError(
+            f"fit.preset: a step gives {gives or 'nothing'}; should give "
+            f"{', '.join(sorted(LOSSES))}"
+        )
+
+
 def _go_on(fit: Procedure, checkpoint: Checkpoint | None) -> list[Record]:
-    """Take up a checkpoint: its records; none if there is none, or one that is of no use."""
+    """Resume from a checkpoint and return its records; an unusable one is ignored."""
     if not checkpoint or not (kept := checkpoint.read()):
         return []
     fresh = fit.state()

@@ -1,4 +1,4 @@
-"""How SoftRas's deformation example writes a mesh's vertices, so that they stay in the unit cube.
+"""SoftRas's parametrisation of the vertices, by which they stay in the cube from -1 to 1.
 
 Each coordinate v of the halved template is v = sigmoid(base) sign(v). The parameters are a
 displacement within the sigmoid and one centre, about which the eight octants are stretched.
@@ -9,7 +9,7 @@ import torch
 from torch import Tensor, nn
 
 from silmesh.errors import InputError
-from silmesh.geometry.camera import FIRST_SCALE
+from silmesh.geometry.camera import INITIAL_SCALE
 
 
 class OctantSigmoid(nn.Module):
@@ -25,7 +25,7 @@ class OctantSigmoid(nn.Module):
 
     def __init__(self, template: Tensor):
         super().__init__()
-        halved = template / FIRST_SCALE
+        halved = template / INITIAL_SCALE
         _refuse_outside(halved)
         self.register_buffer("sign", halved.sign())
         self.register_buffer("base", torch.logit(halved.abs()))

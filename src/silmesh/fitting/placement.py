@@ -1,15 +1,15 @@
-"""Bringing an initial mesh to where the silhouettes are, if it is not there."""
+"""Moving and scaling an initial mesh to where the silhouettes are, if it lies elsewhere."""
 
 import torch
 from torch import Tensor
 
 from silmesh.geometry.camera import Cameras
 
-OVERLAP = 0.5  # mean IoU of the bounding boxes below which a mesh is moved
+OVERLAP = 0.5  # a mesh is moved if the mean IoU of the bounding boxes is below this
 
 
-def place(verts: Tensor, cameras: Cameras, silhouettes: Tensor) -> Tensor:
-    """Shift and scale a mesh so that its bounding boxes in the views are the silhouettes'.
+def move_to_silhouettes(verts: Tensor, cameras: Cameras, silhouettes: Tensor) -> Tensor:
+    """Shift and scale a mesh so that its bounding boxes in the views match the silhouettes'.
 
     The shift is by least squares to the rays through the boxes' middles; the scale is the median
     over the views of the ratio of the boxes' diagonals. A mesh whose boxes overlap the silhouettes'

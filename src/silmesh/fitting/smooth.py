@@ -1,9 +1,10 @@
-"""Vertices that move together: large steps by a Laplacian, and an Adam that keeps directions.
+"""Large steps: a parametrisation of the vertices by a Laplacian, and an Adam that suits it.
 
 Nicolet, Jacobson and Jakob, *Large steps in inverse rendering of geometry*, 2021: in place of the
 vertices x the optimiser moves u = (I + smoothing L) x with the mesh's combinatorial Laplacian L.
-A gradient reaches u through the inverse, twice by the time that it moves x, so a step is smooth
-however rough the gradient, and what the gradient says nothing of follows its neighbours.
+The gradient by u is the gradient by x times the inverse of this matrix, and a step of u becomes one
+of x by the inverse again. So a step of x is smooth although the gradient is not, and vertices
+without a gradient follow their neighbours.
 """
 
 import numpy as np
@@ -14,7 +15,7 @@ from torch import Tensor
 
 from silmesh.geometry.edges import number_edges
 
-EPS = 1e-20
+EPS = 1e-20  # keeps a step finite where all gradients are 0
 
 
 class Smooth:
@@ -23,7 +24,7 @@ class Smooth:
     Args:
         faces: [faces, 3] of a mesh whose vertices all have neighbours
         verts: how many vertices it has
-        smoothing: how far a step spreads, in squared edges; 0 leaves every vertex for itself
+        smoothing: how far a step spreads, in squared edges; with 0 each vertex moves by itself
     """
 
     def __init__(self, faces: Tensor, verts: int, smoothing: float):
@@ -64,11 +65,11 @@ def _solve(factor, right: Tensor) -> Tensor:
 
 
 class UniformAdam:
-    """Adam whose second moment is the largest of all: it scales a step and does not turn it.
+    """Adam with one second moment, the largest of all, so that it scales steps isotropically.
 
     Args:
-        shape: of the parameters
-        betas: of the two moments
+        like: the parameters, of which shape, type and device are taken
+        betas: decay rates of the first and the second moment
     """
 
     def __init__(self, like: Tensor, betas: tuple[float, float]):

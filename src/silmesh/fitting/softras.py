@@ -9,9 +9,9 @@ from silmesh.fitting.adam import Adam
 from silmesh.fitting.loop import refuse_not_finite
 from silmesh.fitting.losses import Objective
 from silmesh.fitting.parametrisation import OctantSigmoid
+from silmesh.fitting.renderers import find_renderer
 from silmesh.geometry.camera import Cameras
 from silmesh.settings.fit import SoftRasFit
-from silmesh.softras import soft_silhouettes
 
 
 class SoftRas:
@@ -41,7 +41,7 @@ class SoftRas:
         self._shape = OctantSigmoid(template)
         self._adam = Adam(self._shape.parameters(), settings.betas)
         self._cameras, self._silhouettes, self._weights = cameras, silhouettes, weights
-        self._settings = settings
+        self._settings, self._render = settings, find_renderer(settings.renderer)
         self._objective = Objective(faces, len(template), settings.weights)
         self._steps = 0
         self.faces, self.halvings = faces, 0
@@ -62,14 +62,14 @@ class SoftRas:
 
     def step(self) -> dict[str, float]:
         """A step of Adam."""
-        told, verts = self._settings, self._shape()
+        verts, sigma = self._shape(), self._settings.sigma
         size = tuple(self._silhouettes.shape[1:])
-        alpha = soft_silhouettes(self._cameras.project(verts), self.faces, size, sigma=told.sigma)
+        alpha = self._render(self._cameras.project(verts), self.faces, size, sigma=sigma)
         losses = self._objective(verts, alpha, self._silhouettes, self._weights)
         values = refuse_not_finite(losses.read())
         self._shape.zero_grad()
         losses.loss.backward()
-        self._adam.step(told.learning_rate * 0.5**self.halvings)
+        self._adam.step(self._settings.learning_rate * 0.5**self.halvings)
         self._steps += 1
         gradients = [parameter.grad for parameter in self._shape.parameters()]
         return refuse_not_finite(values, *gradients, *self._shape.parameters())

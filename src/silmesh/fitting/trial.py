@@ -1,4 +1,4 @@
-"""Fits for as many steps as somebody asks for, by the report's procedure: how a mesh begins."""
+"""Trial fits by the report's procedure, which ``shape: auto`` compares initial meshes by."""
 
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -17,9 +17,10 @@ from silmesh.settings.fit import SoftRasFit
 def trial_with(
     settings: SoftRasFit,
 ) -> Callable[[trimesh.Trimesh, Cameras, np.ndarray], Iterator[float]]:
-    """What fits a mesh at unit size to silhouettes [views, height, width] bool.
+    """A function that fits a mesh at unit size to silhouettes [views, height, width] bool.
 
-    It gives the loss before each step, whatever ``iterations`` are, and ends where it cannot go on.
+    It yields the loss before each step, without the limit ``iterations``, and ends if a number is
+    not finite.
     """
 
     def trial(mesh: trimesh.Trimesh, cameras: Cameras, silhouettes: np.ndarray) -> Iterator[float]:

@@ -1,4 +1,4 @@
-"""Turn parts of a surface that are inside out the right way round.
+"""Untangling: parts of a surface that are inside out are turned the right way round.
 
 Silhouettes do not tell the two sides of a thin sheet apart, so where a wing is thinner than a pixel
 its two sides may end up behind each other. There each side's normals point into the sheet: from
@@ -10,11 +10,13 @@ and a little more.
 import numpy as np
 import trimesh
 
-ROUNDS = 8  # at most
-OBLIQUE = 0.5  # of a normal: the sidestep of the second ray, which must agree with the first
-START = 0.05  # of the gap: how far above the surface a ray starts
-MOST = 4  # gaps that a vertex is moved at most in a round
-RINGS = 3  # of vertices around it move along, each by half as much
+ROUNDS = 8  # most iterations
+# A vertex is moved only if a second ray agrees, whose direction is the normal plus this share of a
+# tangent.
+OBLIQUE = 0.5
+START = 0.05  # of the gap: height above the surface at which rays start
+MOST = 4  # gaps: greatest movement of a vertex in an iteration
+RINGS = 3  # rings of neighbours that move along, each by half as much as the one before
 
 
 def untangle(verts: np.ndarray, faces: np.ndarray, gap: float) -> np.ndarray:

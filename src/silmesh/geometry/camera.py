@@ -34,14 +34,14 @@ from silmesh.files import replacing
 from silmesh.geometry.lens import Lens, lens_of, refuse_strange
 from silmesh.reading import read_json
 
-MOST = 20_000  # cameras in a file
-WIDEST = 1_000_000  # pixels of a photograph
-LARGEST = 1e15  # of a number in a file, whose cube is still one
-ROUNDING = 1e-4  # that is let pass in a rotation matrix: four decimals
+MOST = 20_000  # most cameras of a file that is read
+WIDEST = 1_000_000  # pixels: greatest width and height of a photograph
+LARGEST = 1e15  # greatest number in a file, whose cube is still finite
+ROUNDING = 1e-4  # error of a rotation matrix that is accepted, as of four decimals
 OPENGL = np.diag([1.0, -1.0, -1.0])  # from OpenGL's camera axes (y up, looking along -z) to ours
 MIRROR = (1.0, 1.0, -1.0)  # from a left-handed world to its mirror image, which is right-handed
 OBJECT_RADIUS = 0.5  # of the sphere about the origin that holds the object in the normalised world
-FIRST_SCALE = 2.0  # an initial mesh is kept so many times as large as fitted, as the report's
+INITIAL_SCALE = 2.0  # size of an initial mesh in its file over that in the fit, as in the report
 
 
 @dataclass(frozen=True)
@@ -102,10 +102,10 @@ class Cameras:
             its faces out of the rendering, and passes no gradient.
         """
         P = self.projections.to(verts)
-        seen = verts @ P[:, :, :3].mT + P[:, None, :, 3]
-        depth = seen[..., 2:]
+        projected = verts @ P[:, :, :3].mT + P[:, None, :, 3]
+        depth = projected[..., 2:]
         in_front = depth > 0
-        points = seen[..., :2] / torch.where(in_front, depth, 1)
+        points = projected[..., :2] / torch.where(in_front, depth, 1)
         return torch.where(in_front, points, math.nan)
 
     def depths(self, verts: Tensor) -> Tensor:
@@ -121,8 +121,8 @@ class Cameras:
             InputError: the rays are parallel
         """
         homogeneous = torch.cat([pixels, torch.ones_like(pixels[:, :1])], dim=1)
-        seen = torch.linalg.solve(self.K, homogeneous)
-        along = torch.nn.functional.normalize((self.R.mT @ seen.unsqueeze(-1)).squeeze(-1), dim=1)
+        rays = torch.linalg.solve(self.K, homogeneous)
+        along = torch.nn.functional.normalize((self.R.mT @ rays.unsqueeze(-1)).squeeze(-1), dim=1)
         across = torch.eye(3, dtype=along.dtype) - along.unsqueeze(2) * along.unsqueeze(1)
         left = across.sum(0)
         if torch.linalg.eigvalsh(left)[0] < 1e-6 * len(self):

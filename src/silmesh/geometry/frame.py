@@ -23,7 +23,7 @@ def is_cut(silhouettes: np.ndarray, frames: Sequence[Sequence[int]] | None = Non
     """
     frames = whole_frames(silhouettes) if frames is None else frames
     pairs = zip(silhouettes, frames, strict=True)
-    return np.array([count_on_frame(seen, frame) > 0 for seen, frame in pairs], bool)
+    return np.array([count_on_frame(silhouette, frame) > 0 for silhouette, frame in pairs], bool)
 
 
 def count_on_frame(silhouette: np.ndarray, frame: Sequence[int]) -> int:

@@ -25,8 +25,8 @@ import numpy as np
 
 from silmesh.errors import InputError, shorten
 
-PLAIN = ("SIMPLE_PINHOLE", "PINHOLE")  # no lens at all
-CURVED = {  # the parameters beyond K
+PLAIN = ("SIMPLE_PINHOLE", "PINHOLE")  # models of COLMAP without distortion
+CURVED = {  # models of COLMAP with distortion: their parameters beyond K
     "SIMPLE_RADIAL": ("k1",),
     "RADIAL": ("k1", "k2"),
     "OPENCV": ("k1", "k2", "p1", "p2"),
@@ -47,11 +47,11 @@ STRANGE = re.compile(  # names of what a file may say of lenses, shutters and pr
     r"|.*(distort|fisheye|theta|shutter|ortho|equirect|latlong|panoram|spherical|cylind|skew).*",
     re.IGNORECASE,
 )
-STRAIGHT = {"pinhole", "perspective", "persp", "opencv", "none", "linear"}  # words for no lens
-SAMPLES = 2000  # of a model's radius, to find where it turns back
-WIDEST = 20.0  # normalised radius up to which a model is looked at: 87 degrees from the axis
-STEPS, CLOSE = 30, 1e-9  # of Newton's method; a residual that is small enough
-NUDGE = 1e-6  # for differences
+STRAIGHT = {"pinhole", "perspective", "persp", "opencv", "none", "linear"}  # mean no distortion
+SAMPLES = 2000  # radii at which a model is sampled to find where it stops to be monotonic
+WIDEST = 20.0  # greatest normalised radius that is considered: 87 degrees from the axis
+STEPS, CLOSE = 30, 1e-9  # most iterations of Newton's method, and the residual at which it ends
+NUDGE = 1e-6  # step of the central differences
 
 
 @dataclass(frozen=True)

@@ -14,9 +14,9 @@ from torch import Tensor
 from silmesh.errors import InputError, reading
 from silmesh.files import replacing
 
-FORMATS = ("ply", "obj", "glb", "stl", "off")  # that are read, by their endings
-NODES = 2000  # of a scene
-FARTHEST = 1e12  # of a coordinate, whose cube is a number of single precision
+FORMATS = ("ply", "obj", "glb", "stl", "off")  # suffixes of the formats that are read
+NODES = 2000  # most nodes of a GLB that is read
+FARTHEST = 1e12  # greatest coordinate, whose cube is finite in single precision
 
 
 def read_mesh(path: Path) -> trimesh.Trimesh:

@@ -14,11 +14,12 @@ from silmesh.geometry.edges import number_edges
 Floats = NDArray[np.floating]
 Ints = NDArray[np.integer]
 
-LONGEST, SHORTEST = 4 / 3, 4 / 5  # of the wished length: what is split, what is collapsed
+# Edges longer than LONGEST times the target length are split, shorter than SHORTEST are collapsed.
+LONGEST, SHORTEST = 4 / 3, 4 / 5
 UPRIGHT = 0.5  # least cosine between a triangle's normal before and after a change
 FLAT = 0.8  # least cosine between the normals of two triangles whose edge is flipped
-TRIES = 4  # rounds in which edges that cannot be collapsed give way to others
-STEP = 0.5  # of the way to the mean of the neighbours, in the tangent plane
+TRIES = 4  # rounds in which edges that cannot be collapsed are replaced by others
+STEP = 0.5  # share of the way to the neighbours' mean that a relaxation moves a vertex
 
 
 def remesh(verts: Floats, faces: Ints, length: float, passes: int = 6) -> tuple[Floats, Ints]:

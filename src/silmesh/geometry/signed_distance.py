@@ -3,8 +3,9 @@
 import numpy as np
 from numba import njit
 
-GRACE = 0.15  # pixels that every outline is moved outwards: each is only known to half a pixel,
-# and the hull takes the worst of all views; without it thin parts vanish from small images
+# Pixels by which every outline is moved outwards. An outline is known to half a pixel only, and a
+# visual hull takes the smallest of all views; without this margin small images lose thin parts.
+GRACE = 0.15
 
 
 def signed_distance(silhouette: np.ndarray, far: float, grace: float = GRACE) -> np.ndarray:

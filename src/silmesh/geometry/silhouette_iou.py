@@ -25,7 +25,7 @@ def silhouette_iou(
     """
     alphas = render_views(cameras.project(verts), faces, silhouettes.shape[1:], sigma)
     pairs = zip(alphas, silhouettes, strict=True)
-    return np.array([iou((alpha > 0.5).numpy(), seen) for alpha, seen in pairs])
+    return np.array([iou((alpha > 0.5).numpy(), silhouette) for alpha, silhouette in pairs])
 
 
 def coherence(hull: Hull, cameras: Cameras, silhouettes: np.ndarray) -> np.ndarray:

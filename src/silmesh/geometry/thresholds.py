@@ -1,8 +1,8 @@
-"""Coherence, as a mean hull IoU: from where on cameras and silhouettes are believed.
+"""Thresholds of the coherence: the hull IoU of a view, averaged over the views.
 
-The hull IoU of a view is the IoU of the visual hull, rendered in it, with its silhouette.
+The hull IoU of a view is the IoU of its silhouette with the rendered visual hull of all views.
 """
 
-CONVINCING = 0.95  # cameras that reach it are taken, and no other source of cameras is tried
-COHERENT = 0.9  # below it, cameras and silhouettes contradict each other
-REFUSED = 0.6  # below it, cameras that were found from the photographs are refused
+CONVINCING = 0.95  # cameras with at least this coherence are taken without trying other sources
+COHERENT = 0.9  # below this, cameras and silhouettes are said to contradict each other
+REFUSED = 0.6  # below this, cameras that were estimated from photographs are refused

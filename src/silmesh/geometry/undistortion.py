@@ -1,9 +1,9 @@
-"""Undistortion: silhouettes and images as pinhole cameras would see them, once, before the scene.
+"""Undistortion: silhouettes and images as pinhole cameras would show them.
 
-Each pixel of the new image is sought where the lens puts it in the old one. A lens that moves no
-pixel of a silhouette's surroundings by more than ``MATTERS`` is left out instead: resampling would
-cost more than it mends. The new camera has the old K; where the straightened silhouette would leave
-the image that it lay within, the new camera sees more, about the middle of the image.
+Each pixel of the new image is sampled where the lens projects it in the old image. A lens that
+moves no pixel around the silhouette by more than ``MATTERS`` is ignored, since resampling would
+cost more sharpness than it corrects. The new camera has the old K, unless the undistorted
+silhouette would leave its image; then its focal lengths are shorter.
 """
 
 import shutil
@@ -19,12 +19,14 @@ from silmesh.errors import InputError
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.lens import Lens
 
-MATTERS = 0.1  # pixels of the working image
-MARGIN = 1.0  # pixels kept free around a silhouette for which the camera has to see more
+MATTERS = 0.1  # pixels of the working image: a lens that moves the silhouette less is ignored
+# If a silhouette would leave its image, the focal length is shortened until it lies this many
+# pixels within the image.
+MARGIN = 1.0
 
 
 @dataclass(frozen=True)
-class Straightened:
+class Undistorted:
     """Pinhole cameras, and how to make their images.
 
     Attributes:
@@ -39,9 +41,9 @@ class Straightened:
     displacement: float
 
     def silhouettes(self, old: np.ndarray) -> np.ndarray:
-        """Silhouettes [views, height, width] bool in the order of the cameras, straightened."""
+        """Silhouettes [views, height, width] bool in the order of the cameras, undistorted."""
         views = zip(self.cameras.views, old, strict=True)
-        return np.stack([self._silhouette(view, seen) for view, seen in views])
+        return np.stack([self._silhouette(view, silhouette) for view, silhouette in views])
 
     def _silhouette(self, view: str, old: np.ndarray) -> np.ndarray:
         if view not in self.sources:
@@ -49,7 +51,7 @@ class Straightened:
         return _sample(old[..., None] * 1.0, self.sources[view], "bilinear")[..., 0] >= 0.5
 
     def image(self, view: str, old: Image.Image) -> Image.Image:
-        """A view's working image, straightened."""
+        """A view's working image, undistorted."""
         if view not in self.sources:
             return old
         pixels = np.asarray(old, np.float64)
@@ -58,7 +60,7 @@ class Straightened:
         return Image.fromarray(rounded.reshape(pixels.shape))
 
     def write_image(self, view: str, old: Path, new: Path) -> None:
-        """Write the file of a view's working image, straightened."""
+        """Write the file of a view's working image, undistorted."""
         if view not in self.sources:
             shutil.copyfile(old, new)
             return
@@ -66,7 +68,7 @@ class Straightened:
             self.image(view, image).save(new)
 
 
-def straighten(cameras: Cameras, silhouettes: np.ndarray) -> Straightened:
+def undistort(cameras: Cameras, silhouettes: np.ndarray) -> Undistorted:
     """Take the lenses away from cameras.
 
     A view whose silhouette is empty is taken to show the object where any of the others does.
@@ -80,27 +82,27 @@ def straighten(cameras: Cameras, silhouettes: np.ndarray) -> Straightened:
     """
     K, sources, most = cameras.K.numpy().copy(), {}, 0.0
     anywhere = silhouettes.any(axis=0)
-    for i, (view, lens, seen) in enumerate(
+    for i, (view, lens, silhouette) in enumerate(
         zip(cameras.views, cameras.lenses, silhouettes, strict=True)
     ):
         if lens is None:
             continue
-        seen = seen if seen.any() else anywhere
-        outline = _box_points(seen)
-        straight = _unbend(outline, K[i], lens)
-        if not np.isfinite(straight).all():
+        silhouette = silhouette if silhouette.any() else anywhere
+        outline = _box_points(silhouette)
+        undistorted = _undistort_pixels(outline, K[i], lens)
+        if not np.isfinite(undistorted).all():
             raise InputError(
                 f"view {view!r}: its lens {lens.model} {list(lens.parameters)} shows nothing where "
                 "the silhouette lies; the camera may be another photograph's"
             )
-        moved = float(np.linalg.norm(straight - outline, axis=1).max())
+        moved = float(np.linalg.norm(undistorted - outline, axis=1).max())
         most = max(most, moved)
         if moved > MATTERS:
-            new = _fit(straight, seen) @ K[i]
-            sources[view] = _find_sources(seen.shape, new, K[i], lens)
+            new = _fit(undistorted, silhouette) @ K[i]
+            sources[view] = _find_sources(silhouette.shape, new, K[i], lens)
             K[i] = new
     pinholes = replace(cameras, K=torch.as_tensor(K), lenses=())
-    return Straightened(pinholes, sources, most)
+    return Undistorted(pinholes, sources, most)
 
 
 def _box_points(silhouette: np.ndarray) -> np.ndarray:
@@ -123,15 +125,15 @@ def _to_pixels(points: np.ndarray, K: np.ndarray) -> np.ndarray:
     return points @ K[:2, :2].T + K[:2, 2]
 
 
-def _unbend(pixels: np.ndarray, K: np.ndarray, lens: Lens) -> np.ndarray:
+def _undistort_pixels(pixels: np.ndarray, K: np.ndarray, lens: Lens) -> np.ndarray:
     """Where the pinhole K sees what lies at these pixels behind the lens."""
     return _to_pixels(lens.undistort(_normalise(pixels, K)), K)
 
 
-def _fit(straight: np.ndarray, silhouette: np.ndarray) -> np.ndarray:
-    """The shrinking [3, 3] about the image's middle that keeps a silhouette's box within it."""
+def _fit(undistorted: np.ndarray, silhouette: np.ndarray) -> np.ndarray:
+    """The scaling [3, 3] about the image's middle that keeps a silhouette's box within it."""
     middle = np.array(silhouette.shape[::-1]) / 2
-    reach = (np.abs(straight - middle) / (middle - MARGIN)).max()
+    reach = (np.abs(undistorted - middle) / (middle - MARGIN)).max()
     touches = silhouette[[0, -1]].any() or silhouette[:, [0, -1]].any()
     scale = 1.0 if touches else 1 / max(1.0, float(reach))
     return np.array([[scale, 0, 0], [0, scale, 0], [0, 0, 1]]) + np.outer(

@@ -1,13 +1,14 @@
 """The visual hull: the largest body that every silhouette allows (Laurentini 1994).
 
-Each silhouette becomes a signed distance to its outline, positive inside. The hull's field at a
-world point is the least of these over the views at the point's projections, so its zero level is
-the hull's surface, finer than the grid that it is sampled on. A hull that tolerates k disagreeing
-views takes the least but k.
+Each silhouette becomes an image of the signed distance to its outline, positive inside. The hull's
+field at a world point is the minimum over the views of this distance at the point's projection. Its
+zero level is the hull's surface, which is located more finely than the spacing of the grid. A hull
+that tolerates k disagreeing views drops the k lowest distances before it takes the minimum.
 
-The grid is filled in blocks, large ones first. A signed distance changes no faster than one moves,
-so its value at a block's middle bounds it in all of the block: most blocks lie wholly outside or
-wholly inside, and in the parts of the others few views can be the ones that decide.
+The grid is filled in blocks, which are subdivided like an octree. A signed distance has slope 1, so
+its value at a block's middle bounds it in the whole block. Most blocks are found to lie wholly
+outside or inside; the others are subdivided, and only the views that can hold the minimum are
+passed on to their parts.
 """
 
 from concurrent.futures import ThreadPoolExecutor
@@ -23,10 +24,10 @@ from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
 from silmesh.geometry.frame import is_cut
 from silmesh.geometry.signed_distance import signed_distance
 
-REACH = 1 / 16  # of the image's side: distances to the outline are cut off there
-COARSE = 48  # samples a side of the first grid, which only finds the box that the hull fills
-BLOCKS = (16, 4, 2)  # samples a side of a block, of its parts, and of theirs
-STEEP = 1.4143  # the most that a distance changes a pixel once it is interpolated
+REACH = 1 / 16  # signed distances are cut off beyond this share of the image's side
+COARSE = 48  # samples a side of the first grid, which only finds the hull's bounding box
+BLOCKS = (16, 4, 2)  # samples a side of a block at each level of the subdivision
+STEEP = 1.4143  # greatest slope of a bilinearly interpolated signed distance: sqrt(2)
 
 
 @dataclass(frozen=True)
@@ -55,20 +56,20 @@ class Hull:
         return self.origin + (verts - 1) * self.spacing, faces
 
     def coarser(self, every: int) -> "Hull":
-        """The same field on every so many-th sample along each axis."""
+        """The same field at every ``every``-th sample along each axis."""
         return Hull(self.field[::every, ::every, ::every], self.origin, every * self.spacing)
 
 
 class _Outlines(NamedTuple):
-    """All views for the kernels.
+    """All views, as the kernels take them.
 
     Attributes:
         distances: [views, height, width] float32, signed, cut off at ``far``
         cut: [views] bool, whether the frame cuts the silhouette
         P: [views, 3, 4]
-        ahead: [views], by how much a step of length 1 changes the depth at most
-        across: [views], by how many pixels it moves a point of the image at depth 1 at most
-        far: pixels
+        ahead: [views], greatest change of the depth by a step of length 1 in the world
+        across: [views], greatest movement of a projection at depth 1 by such a step, in pixels
+        far: pixels, where distances are cut off
     """
 
     distances: np.ndarray
@@ -88,38 +89,39 @@ def carve(
         silhouettes: [views, height, width] bool
         cameras: of these views, in the normalised world
         resolution: samples along each side of the box that the hull fills
-        tolerated: how many views may put a point of the hull outside
+        tolerated: how many views may see a point of the hull outside their silhouette
     """
     low, high = np.full(3, -1.6 * OBJECT_RADIUS), np.full(3, 1.6 * OBJECT_RADIUS)
     with ThreadPoolExecutor(torch.get_num_threads()) as pool:
-        seen = _outlines(silhouettes, cameras, pool)
+        outlines = _outlines(silhouettes, cameras, pool)
         cell = _half_cell(cameras, (high - low) / (COARSE - 1))
-        coarse = _sample(seen, low, high, COARSE, tolerated, cell, pool)
-        filled = np.argwhere(coarse.field > -min(0.95 * seen.far, cell))
+        coarse = _sample(outlines, low, high, COARSE, tolerated, cell, pool)
+        filled = np.argwhere(coarse.field > -min(0.95 * outlines.far, cell))
         if not len(filled):
             return coarse
         low = coarse.origin + (filled.min(axis=0) - 1) * coarse.spacing
         high = coarse.origin + (filled.max(axis=0) + 1) * coarse.spacing
         cell = 2 * _half_cell(cameras, (high - low) / (resolution - 1))
-        return _sample(seen, low, high, resolution, tolerated, cell, pool)
+        return _sample(outlines, low, high, resolution, tolerated, cell, pool)
 
 
-def find_doubtful(silhouettes: np.ndarray, cameras: Cameras) -> list[int]:
-    """The fewest views without which the most would be in the hull that is not.
+def find_outlier_views(silhouettes: np.ndarray, cameras: Cameras) -> list[int]:
+    """Find the views that contradict the others most.
 
-    Where the hull is empty these are the views that empty it: those that put outside what the
-    fewest views put outside. Else it is the view that alone cuts off the most.
+    If the hull is empty, these are the views that empty it. Of the points that the fewest views
+    reject, each is rejected by a set of views; the set that rejects the most points is returned.
+    If the hull is not empty, it is the view that alone rejects the most points.
 
     Args:
         silhouettes: [views, height, width] bool
         cameras: of these views, in the normalised world
     Returns:
-        positions of views; none if no view is alone in what it cuts off
+        positions of views; none if every point outside is rejected by more than one view
     """
     low, spacing = np.full(3, -OBJECT_RADIUS), np.full(3, 2 * OBJECT_RADIUS / (COARSE - 1))
     with ThreadPoolExecutor(torch.get_num_threads()) as pool:
-        seen = _outlines(silhouettes, cameras, pool)
-    against = _votes_against(seen, low, spacing, COARSE)
+        outlines = _outlines(silhouettes, cameras, pool)
+    against = _votes_against(outlines, low, spacing, COARSE)
     fewest = max(1, int(against.sum(axis=1).min()))
     sets, count = np.unique(against[against.sum(axis=1) == fewest], axis=0, return_counts=True)
     return np.flatnonzero(sets[count.argmax()]).tolist() if len(sets) else []
@@ -138,13 +140,13 @@ def _outlines(silhouettes: np.ndarray, cameras: Cameras, pool: ThreadPoolExecuto
 
 
 def _half_cell(cameras: Cameras, spacing: np.ndarray) -> float:
-    """How many pixels half a cell's diagonal spans in the closest view."""
+    """Pixels that half the diagonal of a cell of the grid spans in the closest view."""
     nearest = (cameras.centres.norm(dim=1) - OBJECT_RADIUS).clamp(min=1e-3)
     return float((cameras.K[:, 0, 0] / nearest).max()) * float(np.linalg.norm(spacing)) / 2
 
 
 def _sample(
-    seen: _Outlines,
+    outlines: _Outlines,
     low: np.ndarray,
     high: np.ndarray,
     resolution: int,
@@ -161,25 +163,25 @@ def _sample(
 
     def fill(start: int) -> None:
         corner = low + spacing * [start, 0, 0]
-        _fill(field[start : start + BLOCKS[0]], seen, corner, spacing, tolerated, band)
+        _fill(field[start : start + BLOCKS[0]], outlines, corner, spacing, tolerated, band)
 
     list(pool.map(fill, range(0, resolution, BLOCKS[0])))
     return Hull(field, low, spacing)
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def _fill(field, seen, low, spacing, tolerated, band):
-    """The least signed distance but ``tolerated`` over the views at every sample [x, y, z].
+def _fill(field, outlines, low, spacing, tolerated, band):
+    """Fill every sample [x, y, z] with the (``tolerated`` + 1)-th lowest distance over the views.
 
-    A sample that lies beyond a view's image is outside, unless the frame cuts the silhouette: then
-    the view says nothing. A sample of which too few views say anything is outside.
+    A sample that projects beyond a view's image is outside, unless the frame cuts the silhouette,
+    in which case the view is skipped. A sample that all but ``tolerated`` views skip is outside.
 
-    A block's parts are filled before the next block of its size, so that one list of views for each
-    size, those that may decide in the block at hand, is enough.
+    A block's parts are filled before the next block of its size. So one list of views a size is
+    enough: those that can hold the minimum in the current block.
     """
-    views, deepest = len(seen.distances), len(BLOCKS) - 1
-    asked = np.empty((deepest + 2, views), np.int64)
-    asked[0] = np.arange(views)
+    views, deepest = len(outlines.distances), len(BLOCKS) - 1
+    deciding = np.empty((deepest + 2, views), np.int64)
+    deciding[0] = np.arange(views)
     count = np.full(deepest + 2, views)
     lower = np.empty(views)
     lows = np.empty((BLOCKS[-1] ** 3, tolerated + 1))
@@ -200,36 +202,36 @@ def _fill(field, seen, low, spacing, tolerated, band):
         y = low[1] + j * spacing[1] + half_y
         z = low[2] + k * spacing[2] + half_z
         radius = np.sqrt(half_x**2 + half_y**2 + half_z**2)
-        here = asked[level, : count[level]]
-        least, most, ended = _bound(seen, here, x, y, z, radius, band, lower, lows)
-        if ended >= 0:  # the next block is shown to this view first
+        here = deciding[level, : count[level]]
+        least, most, ended = _bound(outlines, here, x, y, z, radius, band, lower, lows)
+        if ended >= 0:  # the next block tests this view first
             here[0], here[ended] = here[ended], here[0]
             field[i : end[0], j : end[1], k : end[2]] = most
             continue
         if least > band:
-            field[i : end[0], j : end[1], k : end[2]] = min(least, seen.far)
+            field[i : end[0], j : end[1], k : end[2]] = min(least, outlines.far)
             continue
         kept = 0
         for at in range(len(here)):
             if lower[at] <= most:
-                asked[level + 1, kept] = here[at]
+                deciding[level + 1, kept] = here[at]
                 kept += 1
         count[level + 1] = kept
         if level == deepest:
-            _fill_samples(field, i, j, k, asked[level + 1, :kept], seen, low, spacing, lows)
+            _fill_samples(field, i, j, k, deciding[level + 1, :kept], outlines, low, spacing, lows)
         else:
             left = _push(waiting, left, i, j, k, level + 1, end)
 
 
 @njit(nogil=True, cache=True)
 def _end(i, j, k, side, shape):
-    """The samples after a block's last."""
+    """The end of a block along each axis, one past its last sample."""
     return min(i + side, shape[0]), min(j + side, shape[1]), min(k + side, shape[2])
 
 
 @njit(nogil=True, cache=True)
 def _push(waiting, left, i, j, k, level, end):
-    """Let the blocks of a level between two samples wait, and say how many do."""
+    """Push the blocks of a level between two samples onto the stack, and return its size."""
     side = BLOCKS[level]
     for a in range(i, end[0], side):
         for b in range(j, end[1], side):
@@ -240,10 +242,10 @@ def _push(waiting, left, i, j, k, level, end):
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def _fill_samples(field, i, j, k, views, seen, low, spacing, lows):
-    """Fill a smallest block sample by sample from these views."""
-    side, far, m, last = BLOCKS[-1], seen.far, seen.P, lows.shape[1] - 1
-    _, height, width = seen.distances.shape
+def _fill_samples(field, i, j, k, views, outlines, low, spacing, lows):
+    """Fill a block of the smallest size sample by sample from these views."""
+    side, far, m, last = BLOCKS[-1], outlines.far, outlines.P, lows.shape[1] - 1
+    _, height, width = outlines.distances.shape
     lows[:] = np.inf
     n, o, p = (
         min(side, field.shape[0] - i),
@@ -251,7 +253,7 @@ def _fill_samples(field, i, j, k, views, seen, low, spacing, lows):
         min(side, field.shape[2] - k),
     )
     for v in views:
-        nothing = np.inf if seen.cut[v] else -far
+        nothing = np.inf if outlines.cut[v] else -far
         s = 0
         for a in range(i, i + n):
             x = low[0] + a * spacing[0]
@@ -267,7 +269,7 @@ def _fill_samples(field, i, j, k, views, seen, low, spacing, lows):
                     w = (row + m[v, 1, 2] * z) * near - 0.5
                     value = nothing
                     if near > 0 and 0 <= u < width - 1 and 0 <= w < height - 1:
-                        value = _between(seen.distances, v, u, w)
+                        value = _interpolate(outlines.distances, v, u, w)
                     if value < lows[s, last]:
                         _keep_lowest(lows, s, value)
                     s += 1
@@ -280,21 +282,21 @@ def _fill_samples(field, i, j, k, views, seen, low, spacing, lows):
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def _look(seen, v, x, y, z):
-    """A view's signed distance at a point of the world."""
-    m = seen.P
+def _view_distance(outlines, v, x, y, z):
+    """A view's signed distance at the projection of a point of the world."""
+    m = outlines.P
     near = 1 / (m[v, 2, 0] * x + m[v, 2, 1] * y + m[v, 2, 2] * z + m[v, 2, 3])
     u = (m[v, 0, 0] * x + m[v, 0, 1] * y + m[v, 0, 2] * z + m[v, 0, 3]) * near - 0.5
     w = (m[v, 1, 0] * x + m[v, 1, 1] * y + m[v, 1, 2] * z + m[v, 1, 3]) * near - 0.5
-    _, height, width = seen.distances.shape
+    _, height, width = outlines.distances.shape
     if near > 0 and 0 <= u < width - 1 and 0 <= w < height - 1:
-        return _between(seen.distances, v, u, w)
-    return np.inf if seen.cut[v] else -seen.far
+        return _interpolate(outlines.distances, v, u, w)
+    return np.inf if outlines.cut[v] else -outlines.far
 
 
 @njit(nogil=True, cache=True)
-def _between(images, v, u, w):
-    """An image between the centres of its pixels, which lie at whole numbers here."""
+def _interpolate(images, v, u, w):
+    """Interpolate an image bilinearly; centres of pixels have integer coordinates here."""
     c, r = int(u), int(w)
     u, w = u - c, w - r
     above = images[v, r, c] * (1 - u) + images[v, r, c + 1] * u
@@ -303,36 +305,38 @@ def _between(images, v, u, w):
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def _bound(seen, asked, x, y, z, radius, band, lower, lows):
-    """Bound the field in a ball of the world, from the views ``asked``: least, most and which view
-    ended it, the first after which ``most`` lies below the band; -1 if none.
+def _bound(outlines, deciding, x, y, z, radius, band, lower, lows):
+    """Bound the field in a ball of the world, over the views ``deciding``.
+
+    Returns the least and the greatest value, and the position of the view that ended the search:
+    the first after which the greatest value lies below the band, or -1 if there is none.
 
     A step s from X moves u = (m_0 X) / (m_2 X) by (m_0 - u m_2) s / (m_2 (X + s)).
 
     Args:
-        lower: [views], to hold the least signed distance of each
-        lows: [2 or more, tolerated + 1], to work with
+        lower: [views], is filled with the lower bound of each view's distance
+        lows: [2 or more, tolerated + 1], scratch space
     """
-    m, far, images = seen.P, seen.far, seen.distances
+    m, far, images = outlines.P, outlines.far, outlines.distances
     _, height, width = images.shape
     lows[:2] = np.inf
     last = lows.shape[1] - 1
-    for at in range(len(asked)):
-        v = asked[at]
+    for at in range(len(deciding)):
+        v = deciding[at]
         depth = m[v, 2, 0] * x + m[v, 2, 1] * y + m[v, 2, 2] * z + m[v, 2, 3]
         near = 1 / depth
         u = (m[v, 0, 0] * x + m[v, 0, 1] * y + m[v, 0, 2] * z + m[v, 0, 3]) * near - 0.5
         w = (m[v, 1, 0] * x + m[v, 1, 1] * y + m[v, 1, 2] * z + m[v, 1, 3]) * near - 0.5
-        nearest = depth - radius * seen.ahead[v]
-        nothing = np.inf if seen.cut[v] else -far
-        reach = radius * seen.across[v] / nearest
+        nearest = depth - radius * outlines.ahead[v]
+        nothing = np.inf if outlines.cut[v] else -far
+        reach = radius * outlines.across[v] / nearest
         inside = min(min(u, width - 1 - u), min(w, height - 1 - w))
         if nearest > 0 and inside < -reach:
             least = most = nothing
         elif nearest <= 0 or inside <= reach:
             least, most = -far, max(far, nothing)
         else:
-            here = _between(images, v, u, w)
+            here = _interpolate(images, v, u, w)
             least, most = here - STEEP * reach, here + STEEP * reach
         lower[at] = least
         if least < lows[0, last]:
@@ -346,19 +350,19 @@ def _bound(seen, asked, x, y, z, radius, band, lower, lows):
 
 @njit(nogil=True, cache=True)
 def _keep_lowest(lows, row, value):
-    """Put a value among the lowest so far of a row, in rising order, if it is one of them."""
+    """Insert a value into a row of the lowest values so far, which is in rising order."""
     for i in range(lows.shape[1]):
         if value < lows[row, i]:
             lows[row, i], value = value, lows[row, i]
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
-def _votes_against(seen, low, spacing, resolution):
-    """Whether each view puts each sample of a cubic grid outside: [samples, views] bool."""
-    against = np.empty((resolution**3, len(seen.distances)), np.bool_)
+def _votes_against(outlines, low, spacing, resolution):
+    """Whether each view rejects each sample of a cubic grid: [samples, views] bool."""
+    against = np.empty((resolution**3, len(outlines.distances)), np.bool_)
     for s in range(resolution**3):
         index = np.array([s // resolution**2, s // resolution % resolution, s % resolution])
         x, y, z = low + index * spacing
-        for v in range(len(seen.distances)):
-            against[s, v] = _look(seen, v, x, y, z) < 0
+        for v in range(len(outlines.distances)):
+            against[s, v] = _view_distance(outlines, v, x, y, z) < 0
     return against

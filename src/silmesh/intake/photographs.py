@@ -35,9 +35,9 @@ CAMERAS = (
     *NAMED,
     *("transforms_*.json", "bundle*.out", "*.nvm", "*.mvs", "cameras.bin", "cameras.txt", "sparse"),
 )
-FEWEST = 2  # photographs
-SERIES = 3  # photographs of names alike, from which they are taken for an object's
-MAKER, MODEL, ORIENTATION = 271, 272, 274  # EXIF
+FEWEST = 2  # least number of photographs
+SERIES = 3  # so many photographs with similar names are taken for those of one object
+MAKER, MODEL, ORIENTATION = 271, 272, 274  # tags of EXIF
 
 
 def is_video(path: Path) -> bool:

@@ -28,7 +28,9 @@ class Shared(Networks):
     views: Views = Field(Views(), description="the working images")
     calibrate: Calibrate = Field(Calibrate(), description="cameras found from silhouettes")
     colmap: Colmap = Field(Colmap(), description="how COLMAP finds cameras, where it does")
-    quality: Quality = Field(Quality(), description="what is done with doubtful silhouettes")
+    quality: Quality = Field(
+        Quality(), description="what is done with outliers among the silhouettes"
+    )
 
 
 class Variant(Shared):
@@ -63,7 +65,9 @@ class Config(Shared):
         """Lay what a variant says of a shared section over what the run says of it."""
         if not isinstance(values, Mapping) or not isinstance(values.get("variants"), Mapping):
             return values
-        variants = {name: _lay_over(values, told) for name, told in values["variants"].items()}
+        variants = {
+            name: _lay_over(values, variant) for name, variant in values["variants"].items()
+        }
         return {**values, "variants": variants}
 
     def describe(self) -> dict[str, Any]:

@@ -7,13 +7,13 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import get_args
 
 from silmesh.cameras.locate import locate
 from silmesh.errors import InputError, blaming, shorten
 from silmesh.naming import match_masks, order_photographs, pair_masks, split_masks, tell_spare
+from silmesh.own_code import own_file, refuse_lacking
 from silmesh.settings.section import LONGEST_NAME, LONGEST_PATH, NAME
-from silmesh.settings.silhouettes import SilhouetteSource
+from silmesh.settings.silhouettes import check_source
 from silmesh.synthetic import layout
 from silmesh.views import count_array_views, list_images, list_masks
 
@@ -171,7 +171,7 @@ def _parse_row(table: Path, line: int, row: Mapping[str, str]) -> Dataset:
             object=name,
             images=images,
             masks=masks,
-            silhouettes=_parse_silhouettes(row["silhouettes"]),
+            silhouettes=_resolve_silhouettes(table, row["silhouettes"]),
             cameras=cameras,
             turntable=parse_turntable(row["turntable"]),
             truth=_find_truth(table, row["truth"]) if row["truth"] else None,
@@ -251,11 +251,13 @@ def _take_beside(
     return (), [f"not used: {m}: {b} has no mask" for m, b in zip(beside[:1], bare, strict=False)]
 
 
-def _parse_silhouettes(cell: str) -> str:
-    known = get_args(SilhouetteSource)
-    if cell not in known:
-        raise InputError(f"silhouettes: should be one of {', '.join(known)}, not {cell!r}")
-    return cell
+def _resolve_silhouettes(table: Path, cell: str) -> str:
+    """Where silhouettes come from, the path of a person's own function made one from here."""
+    if (file := own_file(check_source(cell))) is None:
+        return cell
+    found = f"{_beside(table, str(file))}:{cell.rpartition(':')[2]}"
+    refuse_lacking("silhouettes", found)
+    return found
 
 
 def resolve_cameras(table: Path, cell: str) -> str:

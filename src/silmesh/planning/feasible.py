@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from silmesh.errors import InputError, blaming
+from silmesh.settings.fit import refuse_clash
 from silmesh.views import count_array_views, find_images
 
 if TYPE_CHECKING:
@@ -31,6 +32,8 @@ def refuse_infeasible(run: "Run", where: str) -> None:
         InputError: it names the key, what there is, and what would be right
     """
     _refuse_lacking_gpu(f"{where}: variants.{run.variant}.fit.device", run.settings.fit.device)
+    with blaming(f"{where}: variants.{run.variant}"):
+        refuse_clash(run.settings.fit)
     _refuse_lacking_model(f"{where}: variants.{run.variant}", run.silhouettes)
     with blaming(f"{run.dataset.where} (variant {run.variant!r})"):
         _refuse_opaque(run.silhouettes, run.dataset.images)

@@ -18,7 +18,7 @@ from contextlib import suppress
 from pathlib import Path
 from threading import Thread
 
-LOCK = Path(".snakemake/silmesh.planning.lock")
+LOCK = Path(".snakemake/silmesh.lock")
 COMMAND = Path(".snakemake/silmesh.command")
 STEPS = Path(".snakemake/silmesh.steps")
 LIFELINE = "SILMESH_LIFELINE"  # the variable that says which pipe it is, as no other input is

@@ -8,7 +8,7 @@ from pydantic.fields import FieldInfo
 
 from silmesh.planning.config import Config, Shared, Variant
 from silmesh.settings.check import in_words, is_section
-from silmesh.settings.fit import FITS
+from silmesh.settings.fit import FITS, OwnFit
 
 HEADER = "| key | value | default | |\n|---|---|---|---|\n"
 
@@ -20,7 +20,7 @@ def describe_configuration() -> str:
     variant = [*_rows(Variant, without=shared | {"fit"}), *map(_overriding, Shared.model_fields)]
     tables = {"The run": run, "A variant: `variants.<name>`": variant} | {
         f"A variant's fit with `preset: {preset}`": list(_rows(fit, "fit."))
-        for preset, fit in FITS.items()
+        for preset, fit in [*FITS.items(), ("path/to/file.py:function", OwnFit)]
     }
     return "\n".join(f"## {title}\n\n{HEADER}{''.join(rows)}" for title, rows in tables.items())
 

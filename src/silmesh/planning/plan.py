@@ -27,7 +27,7 @@ from typing import Any
 
 from silmesh.cameras.locate import locate
 from silmesh.errors import InputError, blaming
-from silmesh.own_code import own_file, refuse_lacking
+from silmesh.own_code import own_file, own_files, refuse_lacking
 from silmesh.planning.config import Config, Variant, parse_config
 from silmesh.planning.datasets import Dataset, Turntable, read_datasets, resolve_cameras
 from silmesh.planning.feasible import (
@@ -161,7 +161,7 @@ class Run:
 
     @property
     def judged_key(self) -> str:
-        """Names the scene after its doubtful views were dealt with."""
+        """Names the scene after its outliers were kept, dropped or repaired."""
         return f"{self.scene_key}-{self.policy}-{self.settings.quality.fewest}"
 
     @property
@@ -170,13 +170,23 @@ class Run:
         return f"{self.judged_key}-{self.settings.init.key}"
 
     @property
-    def init_file(self) -> Path | None:
+    def silhouettes_own(self) -> list[Path]:
+        """The file of a person's own code that finds the silhouettes, if it does."""
+        return own_files(self.silhouettes)
+
+    @property
+    def initial_own(self) -> list[Path]:
         """The file of a person's own code that makes the initial mesh, if it does."""
-        return own_file(self.settings.init.shape)
+        return own_files(self.settings.init.shape)
+
+    @property
+    def fit_own(self) -> list[Path]:
+        """The files of a person's own code that fits or renders, if it does."""
+        return own_files(self.settings.fit.preset, self.settings.fit.renderer)
 
     @property
     def policy(self) -> str:
-        """What is done with doubtful views: ``keep``, ``drop`` or ``repair``."""
+        """What is done with outliers: ``keep``, ``drop`` or ``repair``."""
         return self.settings.quality.policy
 
     @property
@@ -232,6 +242,8 @@ class Run:
 
     @property
     def _silhouettes_name(self) -> str:
+        if own_file(self.silhouettes):
+            return f"own_{_digest(self.silhouettes)}"
         if self.network is None:
             return self.silhouettes
         return f"{self.silhouettes}_{_digest(self.network.model_dump_json())}"
@@ -390,6 +402,16 @@ def _runs_of(dataset: Dataset, config: Config, where: str) -> list[Run]:
     return [_decide(dataset, name, config.variants[name], config, where) for name in names]
 
 
+def _methods_of(variant: Variant) -> dict[str, str]:
+    """The methods that a variant names, each by its key: all that may be a person's own."""
+    return {
+        "silhouettes": variant.silhouettes or "",
+        "init.shape": variant.init.shape,
+        "fit.preset": variant.fit.preset,
+        "fit.renderer": variant.fit.renderer,
+    }
+
+
 def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where: str) -> Run:
     """An object's run with a variant: the variant's word, else the row's, else the run's."""
     cameras = dataset.cameras
@@ -398,8 +420,8 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
             cameras = resolve_cameras(config.datasets, variant.cameras)
         except InputError as error:
             raise InputError(f"{where}: variants.{name}.{error}") from error
-    if own_file(variant.init.shape):
-        refuse_lacking(f"{where}: variants.{name}.init.shape", variant.init.shape)
+    for key, method in _methods_of(variant).items():
+        refuse_lacking(f"{where}: variants.{name}.{key}", method)
     silhouettes = variant.silhouettes or dataset.silhouettes
     if silhouettes == "deeplab":
         deeplab, promised = variant.deeplab, config.train is not None

@@ -13,7 +13,7 @@ def choose_views(
 ) -> list[int]:
     """The positions of the views that are shown: all, or as many as their share has room for.
 
-    Doubtful and lost views come first, up to half of the room; the others are spread evenly.
+    Outliers and lost views come first, up to half of the room; the others are spread evenly.
 
     Args:
         views: of a gallery

@@ -7,7 +7,7 @@ import pandas as pd
 
 POINTS = 120  # evenly along the iterations, and again along their logarithm
 DIGITS = 5
-COLUMNS = 7  # of the table
+COLUMNS = 7  # columns of the table of losses
 
 
 def thin(length: int) -> np.ndarray:

@@ -10,19 +10,19 @@ import numpy as np
 import torch
 import trimesh
 
-from silmesh.geometry.camera import FIRST_SCALE, Cameras, Similarity
+from silmesh.geometry.camera import INITIAL_SCALE, Cameras, Similarity
 from silmesh.report.outlines import outline_path
 from silmesh.report.packing import encode_glb, pack
 from silmesh.report.rings import frusta_of, look_ahead
 from silmesh.softras.batches import render_views
 
-DIGITS = 3  # of the cameras' places, in units of the normalised world
+DIGITS = 3  # decimals of the cameras' positions, in units of the normalised world
 
 
 def describe_exhibit(
     mesh: trimesh.Trimesh,
     colours: np.ndarray,
-    first: trimesh.Trimesh,
+    initial: trimesh.Trimesh,
     cameras: Cameras,
     similarity: Similarity,
     sigma: float,
@@ -32,7 +32,7 @@ def describe_exhibit(
     Args:
         mesh: fitted, in the cameras' world
         colours: [verts, 3] of its vertices, linear light in [0, 1]
-        first: the initial mesh, at unit size: twice as large as in the normalised world
+        initial: the initial mesh, at unit size: twice as large as in the normalised world
         cameras: of the mesh's world
         similarity: from that world to the normalised one
         sigma: softness of the rendering, as in the fit
@@ -45,7 +45,7 @@ def describe_exhibit(
     frusta, up = frusta_of(cameras.in_world_of(similarity)), cameras.up.numpy()
     return {
         "fitted": pack(encode_glb(place, mesh.faces, colours)),
-        "first": pack(encode_glb(np.asarray(first.vertices) / FIRST_SCALE, first.faces)),
+        "first": pack(encode_glb(np.asarray(initial.vertices) / INITIAL_SCALE, initial.faces)),
         "outlines": dict(zip(cameras.views, _outlines(mesh, cameras, sigma), strict=True)),
         "up": up.tolist(),
         "ahead": look_ahead(cameras, up).tolist(),

@@ -31,7 +31,7 @@ class Shot:
         silhouette: [size, size] bool, as it is fitted, or as found if it is not; None without
         before: what was found, where it was segmented again, or None
         fate: ``kept``, ``repaired``, ``dropped``, or ``lost`` where it has no camera
-        doubt: why it is doubtful or lost, empty if it is neither
+        doubt: why it is an outlier or lost; empty if it is neither
     """
 
     view: str

@@ -50,12 +50,12 @@ class Scene:
 
     Attributes:
         name: of the scene, which runs may share
-        told: its ``scene.json``
+        notes: its ``scene.json``
         picture: of the cameras, PNG
     """
 
     name: str
-    told: Mapping[str, Any]
+    notes: Mapping[str, Any]
     picture: Path
 
 
@@ -162,7 +162,7 @@ def _describe_object(
 ) -> dict[str, Any]:
     """All that the template shows of an object; ``shares``: objects, and bytes of a still."""
     order = list(settings["configuration"]["variants"])
-    told = {variant: run_settings(object_, variant, settings) for variant in results}
+    chosen = {variant: run_settings(object_, variant, settings) for variant in results}
     thinned = {
         name: _thin_gallery(
             gallery,
@@ -187,8 +187,8 @@ def _describe_object(
         "says": f"Loss of {object_} against the iteration: {', '.join(ends)}.",
         "iterations": at,
         "losses": losses,
-        "settings": _align(told),
-        "seconds": _align({v: r.seconds for v, r in results.items()}),
+        "settings": _tabulate(chosen),
+        "seconds": _tabulate({v: r.seconds for v, r in results.items()}),
         "truth": truth is not None and pack(encode_glb(np.asarray(truth.vertices), truth.faces)),
         "truths": [] if truth is None else _tell_truths(results),
         "shown": {name: len(g["views"]) for name, g in thinned.items()},
@@ -214,7 +214,7 @@ def _describe_run(variant: str, result: Result, order: Sequence[str]) -> dict[st
         "values": {m.key: show(metrics.get(m.key), m) for m in METRICS},
         "numbers": {m.key: metrics.get(m.key) for m in METRICS},
         "incoherent": is_incoherent(metrics),
-        "first": describe_first(metrics.get("first", {})),
+        "initial": describe_initial(metrics.get("first", {})),
         "thumbnail": _embed_thumbnail(result.picture),
         "cameras": metrics.get("cameras"),
         "fitted": result.exhibit["fitted"],
@@ -224,7 +224,7 @@ def _describe_run(variant: str, result: Result, order: Sequence[str]) -> dict[st
 
 
 def _group_incoherent(results: Mapping[str, Result]) -> dict[tuple[str, str | None], list[str]]:
-    """The variants of low coherence by their hull IoU and the views that are to be doubted."""
+    """The variants of low coherence, by their hull IoU and their probable outliers."""
     groups: dict[tuple[str, str | None], list[str]] = {}
     for variant, result in results.items():
         if is_incoherent(result.metrics):
@@ -273,17 +273,17 @@ def _tell_truths(results: Mapping[str, Result]) -> list[int]:
 def _place_truth(result: Result) -> list[float]:
     """The matrix from the truth's world to the normalised one, a column after another, [16].
 
-    Metrics say how the mesh was laid on the truth, scale R X + t, if it was. The truth of a
+    Metrics hold the registration with the truth, scale R X + t, if there was one. The truth of a
     left-handed world is mirrored first.
     """
     move = np.eye(4)
-    if (laid := result.metrics.get("placement")) is not None:
-        move[:3, :3] = laid["scale"] * np.array(laid["R"])
-        move[:3, 3] = laid["t"]
-    normalise = np.eye(4) * result.scene.told["scale"]
-    normalise[:3, 3] = -result.scene.told["scale"] * np.array(result.scene.told["centre"])
+    if (found := result.metrics.get("placement")) is not None:
+        move[:3, :3] = found["scale"] * np.array(found["R"])
+        move[:3, 3] = found["t"]
+    normalise = np.eye(4) * result.scene.notes["scale"]
+    normalise[:3, 3] = -result.scene.notes["scale"] * np.array(result.scene.notes["centre"])
     normalise[3, 3] = 1
-    mirror = np.diag([*MIRROR, 1.0]) if result.scene.told.get("mirrored") else np.eye(4)
+    mirror = np.diag([*MIRROR, 1.0]) if result.scene.notes.get("mirrored") else np.eye(4)
     return (normalise @ np.linalg.inv(move) @ mirror).T.ravel().tolist()
 
 
@@ -300,10 +300,10 @@ def _name_curves(results: Mapping[str, Result]) -> dict[str, pd.DataFrame]:
     return curves
 
 
-def _align(told: Mapping[str, Mapping[str, Any]]) -> dict[str, list[Any]]:
-    """What is told of variants, a row a key: its values in the order of the variants, or None."""
-    keys = dict.fromkeys(key for values in told.values() for key in values)
-    return {key: [values.get(key) for values in told.values()] for key in keys}
+def _tabulate(columns: Mapping[str, Mapping[str, Any]]) -> dict[str, list[Any]]:
+    """Rows of a table by key: the values of the variants in their order, or None."""
+    keys = dict.fromkeys(key for values in columns.values() for key in values)
+    return {key: [values.get(key) for values in columns.values()] for key in keys}
 
 
 def _describe_scenes(scenes: Mapping[str, Scene], room: int) -> list[dict[str, Any]]:
@@ -314,12 +314,12 @@ def _describe_scenes(scenes: Mapping[str, Scene], room: int) -> list[dict[str, A
     return [
         {
             "variants": names,
-            "source": scene.told["cameras"],
-            "count": len(scene.told["hull_iou"]),
-            "coherence": f"{scene.told['hull_iou_mean']:.3f}",
-            "dropped": scene.told["dropped"],
-            "warnings": scene.told["warnings"],
-            "estimates": _show_estimates(scene.told["figures"].get("estimates", {})),
+            "source": scene.notes["cameras"],
+            "count": len(scene.notes["hull_iou"]),
+            "coherence": f"{scene.notes['hull_iou_mean']:.3f}",
+            "dropped": scene.notes["dropped"],
+            "warnings": scene.notes["warnings"],
+            "estimates": _show_estimates(scene.notes["figures"].get("estimates", {})),
             "picture": _embed_still(scene.picture, room),
         }
         for names in variants.values()
@@ -345,20 +345,20 @@ def _show_estimates(estimates: Mapping[str, Mapping[str, Any]]) -> list[dict[str
     return rows
 
 
-def describe_first(told: Mapping[str, Any]) -> dict[str, Any]:
+def describe_initial(notes: Mapping[str, Any]) -> dict[str, Any]:
     """What the page says of an initial mesh, from its ``init.json``."""
     return {
-        "shape": told.get("shape"),
+        "shape": notes.get("shape"),
         "scores": {
             shape: [format(score[when], ".4f") for when in ("before", "after")]
-            for shape, score in told.get("scores", {}).items()
+            for shape, score in notes.get("scores", {}).items()
         },
-        "warnings": told.get("warnings", []),
+        "warnings": notes.get("warnings", []),
     }
 
 
 def run_settings(object_: str, variant: str, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """What a run was told: the object's row, and over it what the variant says, by dotted key."""
+    """The settings of a run: the object's row, and over it what the variant says, by dotted key."""
     configuration = settings["configuration"]
     said = {"views": configuration["views"]}
     for layer in (settings["objects"].get(object_, {}), configuration["variants"][variant]):

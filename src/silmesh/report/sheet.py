@@ -1,4 +1,4 @@
-"""The sheet of an object's silhouettes: every photograph with its outline, doubtful ones marked."""
+"""The sheet of an object's silhouettes: every photograph with its outline, outliers marked."""
 
 from collections.abc import Sequence
 
@@ -18,7 +18,7 @@ from silmesh.report.pictures import (
 
 CELL, GAP, COLUMNS = 176, 8, 6  # pixels, and cells in a row
 LINE, FIRST = 13, 18  # pixels of a further line of text, and of the first
-AROUND = 1.3  # of what all silhouettes cover: how large a part of the photographs is shown
+AROUND = 1.3  # size of the part that is shown over that of the box around all silhouettes
 MARK, BEFORE = (200, 40, 40), (240, 130, 30)
 WORDS = 27  # letters in a line under a cell
 
@@ -76,7 +76,7 @@ def _draw_cell(
 
 
 def _lines(cell: Shot) -> list[str]:
-    """What is written below a view: its name, and two lines of what is doubtful."""
+    """What is written below a view: its name, and two lines of why it is an outlier."""
     remark = f"{cell.fate}: {cell.doubt}" if cell.doubt else ""
     return [cell.view[-WORDS:], *_wrap(remark)][:3]
 

@@ -10,27 +10,28 @@ from silmesh.errors import InputError
 from silmesh.geometry.camera import Cameras, Similarity
 from silmesh.geometry.silhouette_iou import coherence
 from silmesh.geometry.thresholds import REFUSED
-from silmesh.geometry.undistortion import Straightened, straighten
+from silmesh.geometry.undistortion import Undistorted, undistort
 from silmesh.geometry.visual_hull import carve
-from silmesh.scene.scene import normalising, refuse_camera_inside
+from silmesh.scene.scene import find_similarity, refuse_camera_inside
 
-FEWEST = 2  # silhouettes that are not empty
-NEAR = 0.02  # of hull IoU: attempts that differ by less are told apart by their number of views
+FEWEST = 2  # least number of silhouettes that are not empty
+# Of attempts whose hull IoU differs by less than this, the one with the most views is taken.
+NEAR = 0.02
 
 
 @dataclass(frozen=True)
-class Placed:
+class Normalised:
     """Cameras in the normalised world.
 
     Attributes:
         cameras: in that world, without lenses
-        straightened: how the pictures become those of these cameras
+        undistorted: how the pictures become those of these cameras
         similarity: from the cameras' own world to it
         coherence: [views], the hull's IoU with each silhouette; 0 where that is empty
     """
 
     cameras: Cameras
-    straightened: Straightened
+    undistorted: Undistorted
     similarity: Similarity
     coherence: np.ndarray
 
@@ -45,9 +46,9 @@ def find_shown(silhouettes: np.ndarray) -> np.ndarray:
     return np.flatnonzero(silhouettes.any(axis=(1, 2)))
 
 
-def place(
+def normalise(
     cameras: Cameras, silhouettes: np.ndarray, keep_world: bool = False, resolution: int = 128
-) -> Placed:
+) -> Normalised:
     """Take the cameras' lenses away, normalise their world and measure their coherence.
 
     The views whose silhouette is empty have no say in it.
@@ -67,15 +68,15 @@ def place(
             f"{len(shown)} of the {len(cameras)} views with a camera have a silhouette that is not "
             f"empty; should be {FEWEST} or more"
         )
-    straightened = straighten(cameras, silhouettes)
-    cameras, silhouettes = straightened.cameras, straightened.silhouettes(silhouettes)
-    kept, seen = cameras.select(shown), silhouettes[shown]
-    similarity = Similarity.identity() if keep_world else normalising(kept, seen)
+    undistorted = undistort(cameras, silhouettes)
+    cameras, silhouettes = undistorted.cameras, undistorted.silhouettes(silhouettes)
+    kept, silhouettes = cameras.select(shown), silhouettes[shown]
+    similarity = Similarity.identity() if keep_world else find_similarity(kept, silhouettes)
     cameras, kept = cameras.in_world_of(similarity), kept.in_world_of(similarity)
     refuse_camera_inside(cameras)
     agreement = np.zeros(len(cameras))
-    agreement[shown] = coherence(carve(seen, kept, resolution), kept, seen)
-    return Placed(cameras, straightened, similarity, agreement)
+    agreement[shown] = coherence(carve(silhouettes, kept, resolution), kept, silhouettes)
+    return Normalised(cameras, undistorted, similarity, agreement)
 
 
 def refuse_incoherent(attempt: Attempt, silhouettes: np.ndarray) -> Attempt:
@@ -87,7 +88,7 @@ def refuse_incoherent(attempt: Attempt, silhouettes: np.ndarray) -> Attempt:
     if attempt.cameras is None:
         return attempt
     try:
-        mean = place(attempt.cameras, silhouettes).mean
+        mean = normalise(attempt.cameras, silhouettes).mean
     except InputError as error:
         why = f"cameras {attempt.source!r}: {error}"
         return replace(attempt, cameras=None, refusal=why)
@@ -104,34 +105,36 @@ def refuse_incoherent(attempt: Attempt, silhouettes: np.ndarray) -> Attempt:
     return replace(attempt, cameras=None, refusal=why)
 
 
-def choose(attempts: Sequence[Attempt], placed: Sequence[Placed | None]) -> tuple[int, str]:
+def choose(attempts: Sequence[Attempt], candidates: Sequence[Normalised | None]) -> tuple[int, str]:
     """Which attempt to take, and why: the most coherent.
 
     Of those that come within ``NEAR`` of it the one with the most views is taken, and of these
     again the most coherent: fewer views contradict each other less.
 
     Args:
-        placed: None where an attempt was refused; not all are
+        candidates: None where an attempt was refused; not all are
     """
-    there = [i for i, p in enumerate(placed) if p is not None]
-    most = max(placed[i].mean for i in there)
-    near = [i for i in there if placed[i].mean >= most - NEAR]
-    best = max(near, key=lambda i: (len(placed[i].cameras), placed[i].mean))
-    return best, _say_why(best, attempts, placed)
+    there = [i for i, p in enumerate(candidates) if p is not None]
+    most = max(candidates[i].mean for i in there)
+    near = [i for i in there if candidates[i].mean >= most - NEAR]
+    best = max(near, key=lambda i: (len(candidates[i].cameras), candidates[i].mean))
+    return best, _say_why(best, attempts, candidates)
 
 
-def _say_why(best: int, attempts: Sequence[Attempt], placed: Sequence[Placed | None]) -> str:
+def _say_why(
+    best: int, attempts: Sequence[Attempt], candidates: Sequence[Normalised | None]
+) -> str:
     others = [
         f"{attempt.source}: {refused_or(attempt, p)}"
-        for i, (attempt, p) in enumerate(zip(attempts, placed, strict=True))
+        for i, (attempt, p) in enumerate(zip(attempts, candidates, strict=True))
         if i != best
     ]
-    own = f"{attempts[best].source}: {refused_or(attempts[best], placed[best])}"
+    own = f"{attempts[best].source}: {refused_or(attempts[best], candidates[best])}"
     return "; ".join([own, *others])
 
 
-def refused_or(attempt: Attempt, placed: Placed | None) -> str:
+def refused_or(attempt: Attempt, normalised: Normalised | None) -> str:
     """An attempt's coherence and views, or why it has no cameras."""
-    if placed is None:
+    if normalised is None:
         return f"no cameras ({attempt.refusal})"
-    return f"hull IoU {placed.mean:.3f} over {len(placed.cameras)} views"
+    return f"hull IoU {normalised.mean:.3f} over {len(normalised.cameras)} views"

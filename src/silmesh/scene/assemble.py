@@ -10,9 +10,9 @@ import numpy as np
 from silmesh.cameras.attempt import CHECK_SERIES, FILE, TRY_CALIBRATE, Attempt
 from silmesh.errors import InputError, blaming
 from silmesh.geometry.thresholds import COHERENT
-from silmesh.geometry.undistortion import Straightened
-from silmesh.geometry.visual_hull import find_doubtful
-from silmesh.scene.agreement import Placed, choose, find_shown, refused_or
+from silmesh.geometry.undistortion import Undistorted
+from silmesh.geometry.visual_hull import find_outlier_views
+from silmesh.scene.agreement import Normalised, choose, find_shown, refused_or
 from silmesh.scene.conventions import settle
 from silmesh.scene.diagnosis import MEASURED, diagnose
 from silmesh.scene.scene import Scene
@@ -25,13 +25,13 @@ class Assembled:
 
     Attributes:
         scene: the views that have a camera
-        straightened: how the working images become those of the scene's cameras
+        undistorted: how the working images become those of the scene's cameras
         taken: position of the attempt that was taken
         attempt: the same, with what the silhouettes say among its warnings
     """
 
     scene: Scene
-    straightened: Straightened
+    undistorted: Undistorted
     taken: int
     attempt: Attempt
 
@@ -59,46 +59,46 @@ def build_scene(
     """
     silhouettes_of = _Silhouettes(views, silhouettes)
     named = zip(attempts, names or [attempt.source for attempt in attempts], strict=True)
-    placed = [_place(attempt, name, silhouettes_of, keep_world) for attempt, name in named]
-    attempts, stood = [attempt for attempt, _ in placed], [place for _, place in placed]
-    if not any(stood):
+    settled = [_normalise(attempt, name, silhouettes_of, keep_world) for attempt, name in named]
+    attempts, normalised = [attempt for attempt, _ in settled], [cameras for _, cameras in settled]
+    if not any(normalised):
         ordered = any(attempt.source != FILE for attempt in attempts)
         raise InputError(_explain(attempts, diagnose(silhouettes, views, ordered=ordered)))
-    taken, why = choose(attempts, stood)
-    attempt, best = attempts[taken], stood[taken]
-    seen = best.straightened.silhouettes(silhouettes_of(best.cameras.views))
-    told = {
-        **_tell_cameras(attempt, best, why),
-        "doubtful": _name_doubtful(best, seen),
+    taken, why = choose(attempts, normalised)
+    attempt, best = attempts[taken], normalised[taken]
+    undistorted = best.undistorted.silhouettes(silhouettes_of(best.cameras.views))
+    notes = {
+        **_note_cameras(attempt, best, why),
+        "doubtful": _name_outliers(best, undistorted),
         "warnings": list(attempt.warnings),
         "figures": dict(attempt.figures),
         "mirrored": attempt.mirrored,
         "measured": diagnose(silhouettes, views, coherent=best.mean >= COHERENT),
         "lost": dict(lost or {}),
-        **_tell_views(best, views),
+        **_note_views(best, views),
         "attempts": [
             {"source": a.source, "came_to": refused_or(a, p), "warnings": list(a.warnings)}
-            for a, p in placed
+            for a, p in settled
         ],
     }
-    scene = Scene(best.cameras, best.similarity, seen, best.coherence, told)
-    return Assembled(scene, best.straightened, taken, attempt)
+    scene = Scene(best.cameras, best.similarity, undistorted, best.coherence, notes)
+    return Assembled(scene, best.undistorted, taken, attempt)
 
 
 class _Silhouettes:
     """The silhouettes of all views [views, size, size], to be had of some by their names."""
 
     def __init__(self, views: Sequence[View], silhouettes: np.ndarray):
-        self._places = {view.view: place for place, view in enumerate(views)}
+        self._positions = {view.view: position for position, view in enumerate(views)}
         self._all = silhouettes
 
     def __call__(self, views: Sequence[str]) -> np.ndarray:
-        return self._all[[self._places[view] for view in views]]
+        return self._all[[self._positions[view] for view in views]]
 
 
-def _place(
+def _normalise(
     attempt: Attempt, name: str, silhouettes_of: _Silhouettes, keep_world: bool
-) -> tuple[Attempt, Placed | None]:
+) -> tuple[Attempt, Normalised | None]:
     """An attempt and its cameras in the normalised world; None, and why, if it gives none."""
     if attempt.cameras is None:
         return attempt, None
@@ -109,18 +109,18 @@ def _place(
         return replace(attempt, refusal=str(error)), None
 
 
-def _tell_cameras(attempt: Attempt, best: Placed, why: str) -> dict[str, Any]:
+def _note_cameras(attempt: Attempt, best: Normalised, why: str) -> dict[str, Any]:
     """What ``scene.json`` says of the cameras that are taken."""
     return {
-        "undistorted": len(best.straightened.sources),
-        "displacement": best.straightened.displacement,
+        "undistorted": len(best.undistorted.sources),
+        "displacement": best.undistorted.displacement,
         "cameras": attempt.source,
         "cameras_because": why,
         "dropped": dict(attempt.dropped),
     }
 
 
-def _tell_views(best: Placed, views: Sequence[View]) -> dict[str, Any]:
+def _note_views(best: Normalised, views: Sequence[View]) -> dict[str, Any]:
     """What it says of photographs, and where they lie in their working images."""
     frames = _frames(best, views)
     return {
@@ -151,14 +151,14 @@ def _drop_alike(refusals: Sequence[str]) -> list[str]:
     return list({re.sub(r"\d+", "", refusal): refusal for refusal in refusals}.values())
 
 
-def _frames(best: Placed, views: Sequence[View]) -> dict[str, list[int]]:
+def _frames(best: Normalised, views: Sequence[View]) -> dict[str, list[int]]:
     """Left, top, right and bottom of each photograph in its working image.
 
     An undistorted photograph has no straight border, and is taken to fill its image.
     """
     return {
         view.view: [0, 0, view.size, view.size]
-        if view.view in best.straightened.sources
+        if view.view in best.undistorted.sources
         else list(view.frame)
         for view in views
         if view.view in best.cameras.views
@@ -171,9 +171,11 @@ def _around(frames: Iterable[Sequence[int]]) -> list[int]:
     return [min(left), min(top), max(right), max(bottom)]
 
 
-def _name_doubtful(best: Placed, seen: np.ndarray) -> list[str]:
+def _name_outliers(best: Normalised, silhouettes: np.ndarray) -> list[str]:
     """The views that lower the coherence most, if it is low."""
     if best.mean >= COHERENT:
         return []
-    views, shown = best.cameras.views, find_shown(seen)
-    return [views[shown[i]] for i in find_doubtful(seen[shown], best.cameras.select(shown))]
+    views, shown = best.cameras.views, find_shown(silhouettes)
+    return [
+        views[shown[i]] for i in find_outlier_views(silhouettes[shown], best.cameras.select(shown))
+    ]

@@ -1,10 +1,10 @@
-"""Whether the photographs' colours agree with the silhouettes: outlines lie where colours change.
+"""Whether the photographs' colours agree with the silhouettes: outlines should lie on colour edges.
 
-Two figures a view, from the slope of the working image, by the differences of its neighbours after
-a Gaussian of one pixel. ``edges``: the share of the outline near which there is any slope; a soft
-shadow that passes for a part of the object has none. ``in_place``: how steep it is along the
-outline, as a share of the steepest that a shifted outline would find; a mask that lies beside its
-object has its steepest elsewhere (the maximum of a cross-correlation).
+Each view gets two measures from the gradient magnitude of the working image, after a Gaussian blur
+of one pixel. ``edges`` is the share of the outline that is close to an edge; a soft shadow that was
+taken for a part of the object has none. ``in_place`` is the mean gradient along the outline as a
+share of the largest mean gradient along a shifted outline, by cross-correlation; a mask that lies
+beside its object has its maximum elsewhere.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,19 +15,23 @@ from scipy import fft, ndimage
 
 Figures = Mapping[str, float]
 EDGES, IN_PLACE = "edges", "in_place"
-SLOPE = 1024.0  # grey levels along the image's longer side: less is no edge, at any size
-SHARP = 16.0  # grey levels a pixel: more is an edge, also in an image of few pixels
-STEEP = 20.0  # grey levels a pixel: more counts no more, so that a few edges do not decide
-NEAR = 1 / 128  # of the image's longer side: how far an outline may lie beside its edge
-MARGIN = 4  # pixels of a photograph's border that say nothing
-REACH = 0.2  # of the object's diagonal: how far an outline is shifted
-LARGE = 256  # pixels of the longer side: larger images are looked at in steps
-FEWEST = 16  # pixels of an outline that can be judged
-AGREES = {EDGES: 0.9, IN_PLACE: 0.9}  # below, colours contradict a silhouette
+# A gradient is an edge from the smaller of two thresholds on. SLOPE is in grey levels per length of
+# the image's longer side, so that it does not depend on resolution; SHARP in grey levels per pixel.
+SLOPE = 1024.0
+SHARP = 16.0
+STEEP = (
+    20.0  # grey levels a pixel: gradients are clipped here, lest a few edges decide ``in_place``
+)
+NEAR = 1 / 128  # of the image's longer side: greatest distance of an outline from its edge
+MARGIN = 4  # pixels of a photograph's border that are ignored
+REACH = 0.2  # of the diagonal of the object's bounding box: greatest shift of an outline
+LARGE = 256  # pixels of the longer side: larger images are subsampled
+FEWEST = 16  # pixels: a shorter outline is not measured
+AGREES = {EDGES: 0.9, IN_PLACE: 0.9}  # a measure below this contradicts the silhouette
 
 
 def compare(pixels: np.ndarray, silhouette: np.ndarray, frame: Sequence[int]) -> Figures:
-    """The two figures of a view, each in 0..1; NaN where there is no outline to judge.
+    """The two measures of a view, each in 0..1; NaN if there is no outline to measure.
 
     Args:
         pixels: [height, width, 3] uint8
@@ -37,12 +41,12 @@ def compare(pixels: np.ndarray, silhouette: np.ndarray, frame: Sequence[int]) ->
     step = -(-max(silhouette.shape) // LARGE)
     pixels, silhouette = pixels[::step, ::step], silhouette[::step, ::step]
     left, top, right, bottom = (round(side / step) for side in frame)
-    seen = np.zeros_like(silhouette)
-    seen[top + MARGIN : bottom - MARGIN, left + MARGIN : right - MARGIN] = True
-    outline = silhouette & ~ndimage.binary_erosion(silhouette) & seen
+    photographed = np.zeros_like(silhouette)
+    photographed[top + MARGIN : bottom - MARGIN, left + MARGIN : right - MARGIN] = True
+    outline = silhouette & ~ndimage.binary_erosion(silhouette) & photographed
     if outline.sum() < FEWEST:
         return {EDGES: np.nan, IN_PLACE: np.nan}
-    slope = np.where(seen, _slope(pixels), 0)
+    slope = np.where(photographed, _slope(pixels), 0)
     beside = max(1, round(NEAR * max(slope.shape)))
     near = ndimage.maximum_filter(slope, 2 * beside + 1)
     rows, columns = np.nonzero(silhouette)
@@ -59,7 +63,7 @@ def compare(pixels: np.ndarray, silhouette: np.ndarray, frame: Sequence[int]) ->
 
 
 def _slope(pixels: np.ndarray) -> np.ndarray:
-    """How fast the colour changes, in the channel where it does most: [height, width]."""
+    """The gradient magnitude of the channel that has the largest one: [height, width]."""
     smooth = ndimage.gaussian_filter(pixels.astype(np.float32), (1, 1, 0))
     slope2 = np.zeros(smooth.shape, np.float32)
     slope2[1:-1] += (smooth[2:] - smooth[:-2]) ** 2
@@ -68,7 +72,7 @@ def _slope(pixels: np.ndarray) -> np.ndarray:
 
 
 def _correlate(slope: np.ndarray, outline: np.ndarray, reach: int) -> np.ndarray:
-    """The mean slope along the outline shifted by -reach..reach: [2 reach + 1, 2 reach + 1]."""
+    """The mean gradient along the outline shifted by -reach..reach: [2 reach + 1, 2 reach + 1]."""
     along = fft.irfft2(
         fft.rfft2(slope) * np.conj(fft.rfft2(outline.astype(np.float32))), s=slope.shape
     )
@@ -82,9 +86,9 @@ def compare_all(
     silhouettes: np.ndarray,
     frames: np.ndarray,
 ) -> list[Figures]:
-    """The figures of all views.
+    """The measures of all views.
 
-    NaN for a photograph that is transparent in places: what colour it has there says nothing.
+    They are NaN for a photograph with transparent pixels, whose colours have no meaning.
 
     Args:
         images: the working images of the views
@@ -102,5 +106,5 @@ def compare_all(
 
 
 def contradict(figures: Figures) -> bool:
-    """Whether the figures of a view say that its silhouette is not the object's."""
+    """Whether the measures of a view contradict its silhouette."""
     return any(figures[name] < least for name, least in AGREES.items())

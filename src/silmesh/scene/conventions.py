@@ -27,16 +27,18 @@ from silmesh.cameras.attempt import (
 from silmesh.errors import InputError
 from silmesh.geometry.camera import OPENGL, Cameras
 from silmesh.geometry.thresholds import COHERENT, REFUSED
-from silmesh.geometry.undistortion import straighten
-from silmesh.scene.agreement import FEWEST, NEAR, Placed, find_shown, place
+from silmesh.geometry.undistortion import undistort
+from silmesh.scene.agreement import FEWEST, NEAR, Normalised, find_shown, normalise
 from silmesh.scene.scene import find_middles, find_object
 
-FITS = 0.8  # hull IoU from which another convention is named
-GAIN = 0.1  # by which its hull IoU has to be above that of the file's own
-VIEWS = 10  # that conventions are tried with
-RESOLUTION = 48  # of their hulls
-APART = 0.5  # of half a silhouette's box: how far rays may pass the point where they should meet
-MOST = 32  # conventions whose hulls are carved, those first that are the most usual
+FITS = 0.8  # least hull IoU of another convention that is named
+GAIN = 0.1  # least gain in hull IoU over the file's own convention
+VIEWS = 10  # number of views with which conventions are tried
+RESOLUTION = 48  # samples a side of the hulls by which conventions are tried
+# A convention is tried further only if the rays through the silhouettes' middles meet: most must
+# pass the common point within this share of half the diagonal of their silhouette's box.
+APART = 0.5
+MOST = 32  # number of conventions whose hulls are carved, the most usual ones first
 
 OPENCV = np.eye(3)  # a camera's own axes are ours
 NAMES = {tuple(OPENCV.ravel()): "OpenCV's axes", tuple(OPENGL.ravel()): "OpenGL's axes"}
@@ -87,7 +89,7 @@ class Reading:
 
 def settle(
     attempt: Attempt, silhouettes: np.ndarray, keep_world: bool = False
-) -> tuple[Attempt, Placed]:
+) -> tuple[Attempt, Normalised]:
     """Place an attempt's cameras; those of a file as the silhouettes show that they are meant.
 
     Args:
@@ -97,24 +99,24 @@ def settle(
     Returns:
         the attempt, perhaps mirrored, with what a person should know among its warnings
     Raises:
-        InputError: the cameras cannot be placed, or there were doubts about them and the
+        InputError: the cameras cannot be normalised, or there were doubts about them and the
             silhouettes contradict them; the message names the convention that would fit
     """
     if attempt.source != FILE or keep_world or len(find_shown(silhouettes)) < FEWEST:
-        return attempt, place(attempt.cameras, silhouettes, keep_world)
+        return attempt, normalise(attempt.cameras, silhouettes, keep_world)
     faced = _face(attempt, silhouettes)
-    placed, why = _try_to_place(faced, silhouettes)
-    mean = placed.mean if placed else 0.0
+    normalised, why = _try_to_normalise(faced, silhouettes)
+    mean = normalised.mean if normalised else 0.0
     if mean >= COHERENT and faced is attempt:
-        return _tell_taken(faced, mean), placed
+        return _tell_taken(faced, mean), normalised
     found, agreed, own = _find_fitting(attempt, faced, silhouettes, mean >= COHERENT)
     better = agreed >= max(FITS, own + (NEAR if mean >= COHERENT else GAIN))
     doubted = faced.mirrored or faced.doubt is not None
-    if placed and not better and (mean >= REFUSED or not doubted):
-        return _tell_taken(faced, mean), placed
+    if normalised and not better and (mean >= REFUSED or not doubted):
+        return _tell_taken(faced, mean), normalised
     why += f". {_say_fitting(found, agreed) if better else _say_none(faced, found, agreed)}"
-    if placed and mean >= REFUSED and not doubted:
-        return replace(faced, warnings=(*faced.warnings, f"{_file(faced)}: {why}")), placed
+    if normalised and mean >= REFUSED and not doubted:
+        return replace(faced, warnings=(*faced.warnings, f"{_file(faced)}: {why}")), normalised
     raise InputError(why)
 
 
@@ -136,22 +138,22 @@ def _face(attempt: Attempt, silhouettes: np.ndarray) -> Attempt:
     return replace(attempt, cameras=turned, mirrored=not attempt.mirrored)
 
 
-def _try_to_place(attempt: Attempt, silhouettes: np.ndarray) -> tuple[Placed | None, str]:
-    """The cameras placed, if they can be, and what speaks against them."""
+def _try_to_normalise(attempt: Attempt, silhouettes: np.ndarray) -> tuple[Normalised | None, str]:
+    """The cameras normalised, if they can be, and what speaks against them."""
     said = [attempt.doubt.removeprefix(f"{_file(attempt)}: ")] if attempt.doubt else []
     if attempt.mirrored:
         said.append("the matrices mirror, as of a left-handed world or of rows counted from below")
     try:
-        placed = place(attempt.cameras, silhouettes)
+        normalised = normalise(attempt.cameras, silhouettes)
     except InputError as error:
         if attempt.signless:
             said.append("the signs are such that all matrices mirror, or none does")
         return None, "; ".join([*said, str(error)])
     said.append(
         "the silhouettes contradict the cameras: the largest body that they all allow fills "
-        f"{placed.mean:.0%} of them"
+        f"{normalised.mean:.0%} of them"
     )
-    return placed, "; ".join(said)
+    return normalised, "; ".join(said)
 
 
 def _tell_taken(attempt: Attempt, mean: float) -> Attempt:
@@ -205,19 +207,19 @@ def _find_fitting(
     """
     shown = find_shown(silhouettes)
     some = shown[np.linspace(0, len(shown) - 1, min(len(shown), VIEWS)).round().astype(int)]
-    cameras, seen = attempt.cameras.select(some), silhouettes[some]
+    cameras, silhouettes = attempt.cameras.select(some), silhouettes[some]
     cameras = cameras.in_mirrored_world() if attempt.mirrored else cameras
-    own = _measure(faced.cameras.select(some), seen)
+    own = _measure(faced.cameras.select(some), silhouettes)
     try:
-        straight = straighten(cameras, seen)
+        undistorted = undistort(cameras, silhouettes)
     except InputError:
         return None, 0.0, own
-    seen = straight.silhouettes(seen)
+    silhouettes = undistorted.silhouettes(silhouettes)
     scored = []
-    sides = _from_other_sides(straight.cameras)
-    for reading in sides if pixels_only else _read_otherwise(attempt, straight.cameras):
-        if (stood := _stand(reading, seen, attempt.signless)) is not None:
-            scored.append((_measure(stood, seen), reading))
+    sides = _from_other_sides(undistorted.cameras)
+    for reading in sides if pixels_only else _read_otherwise(attempt, undistorted.cameras):
+        if (stood := _stand(reading, silhouettes, attempt.signless)) is not None:
+            scored.append((_measure(stood, silhouettes), reading))
         if len(scored) == MOST or (scored and scored[-1][0] >= 1 - NEAR):  # none can be better
             break
     if not scored:
@@ -227,34 +229,36 @@ def _find_fitting(
     return reading, mean, own
 
 
-def _measure(cameras: Cameras, seen: np.ndarray) -> float:
-    """The hull IoU, coarsely; 0 where the cameras cannot be placed."""
+def _measure(cameras: Cameras, silhouettes: np.ndarray) -> float:
+    """The hull IoU, coarsely; 0 where the cameras cannot be normalised."""
     try:
-        return place(cameras, seen, resolution=RESOLUTION).mean
+        return normalise(cameras, silhouettes, resolution=RESOLUTION).mean
     except InputError:
         return 0.0
 
 
-def _stand(reading: Reading, seen: np.ndarray, signless: bool) -> Cameras | None:
+def _stand(reading: Reading, silhouettes: np.ndarray, signless: bool) -> Cameras | None:
     """Its cameras in a right-handed world, if the middles of the silhouettes meet before them."""
     cameras = reading.cameras
     try:
-        centre, depth = find_object(cameras, seen)
+        centre, depth = find_object(cameras, silhouettes)
     except InputError:
         return None
     if signless and (depth < 0).all():
         cameras, depth = cameras.turned_round(), -depth
     if not (depth > 0).all():
         return None
-    apart = (cameras.project(centre.unsqueeze(0)).squeeze(1) - find_middles(seen)).norm(dim=1)
-    if not (apart < APART * _reach(seen)).double().mean() > 0.5:
+    apart = (cameras.project(centre.unsqueeze(0)).squeeze(1) - find_middles(silhouettes)).norm(
+        dim=1
+    )
+    if not (apart < APART * _reach(silhouettes)).double().mean() > 0.5:
         return None
     return cameras.in_mirrored_world() if (cameras.R.det() < 0).all() else cameras
 
 
-def _reach(seen: np.ndarray) -> Tensor:
+def _reach(silhouettes: np.ndarray) -> Tensor:
     """Half the diagonal of each silhouette's box: [views], in pixels."""
-    boxes = [(s.any(axis=0).sum(), s.any(axis=1).sum()) for s in seen]
+    boxes = [(s.any(axis=0).sum(), s.any(axis=1).sum()) for s in silhouettes]
     return torch.tensor(boxes, dtype=torch.float64).norm(dim=1) / 2
 
 

@@ -28,13 +28,14 @@ from silmesh.scene.series import (
 from silmesh.views import View, open_image
 
 MEASURED = "measured: "  # begins the line of a finding
-GAPS = 3  # that are said
-LOOKED_AT, LISTED = 8, 6  # masks, spread over all; values that are listed
-PIECE = 0.02  # of a silhouette's area, from which a part of it is a piece
-SMALL = 0.005  # of the photograph, below which an object is small in it
-MANY = 0.25  # of the photographs, in which what is odd is said
-JUMP = 1.5  # factor by which a silhouette's area differs from both neighbours'
-PAUSE, MINUTE = 5.0, 60.0  # times the usual pause between two photographs, and seconds
+GAPS = 3  # most gaps that are reported
+LOOKED_AT, LISTED = 8, 6  # masks that are read, spread over all; most values that are listed
+PIECE = 0.02  # of a silhouette's area: smaller connected parts are not counted as pieces
+SMALL = 0.005  # of a photograph's area: an object that covers less is reported as small
+MANY = 0.25  # share of the photographs from which an irregularity is reported
+JUMP = 1.5  # factor between a silhouette's area and both neighbours' from which it is reported
+# Two series are told apart by a pause of at least PAUSE times every other one, and MINUTE seconds.
+PAUSE, MINUTE = 5.0, 60.0
 EXIF, TAKEN = 0x8769, 36867  # the directory of EXIF in which the time stands
 
 
@@ -54,16 +55,16 @@ def diagnose(
         cut = is_cut(silhouettes, [view.frame for view in views])
         return describe_cut(silhouettes, views) if cut.sum() >= MANY * len(views) else []
     shown = np.flatnonzero(silhouettes.any(axis=(1, 2)))
-    seen, named = silhouettes[shown], [views[i] for i in shown]
+    outlined, named = silhouettes[shown], [views[i] for i in shown]
     shapes = _describe_shapes(views)
     found = [*shapes, *describe_cut(silhouettes, views), *_describe_empty(silhouettes, views)]
     if len(shown) < LEAST:
         return found
-    broken = _describe_pieces(seen, named)
-    found += [*broken, *_describe_size(seen, named)]
+    broken = _describe_pieces(outlined, named)
+    found += [*broken, *_describe_size(outlined, named)]
     if shapes or broken or not ordered:
         return found  # the outlines' order shows nothing where these are not the object's
-    return found + _describe_order(seen, named)
+    return found + _describe_order(outlined, named)
 
 
 def _describe_shapes(views: Sequence[View]) -> list[str]:

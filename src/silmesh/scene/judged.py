@@ -1,4 +1,4 @@
-"""A scene after its silhouettes were judged, with what became of its doubtful views."""
+"""A scene whose outliers were kept, dropped or repaired."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,14 +14,14 @@ from silmesh.progress import Share, untold
 from silmesh.scene.colour_edges import Figures, compare_all, contradict
 from silmesh.scene.policy import DROPPED, KEPT, REPAIRED, WEIGHTS, Decision, decide
 from silmesh.scene.resegmentation import repair
-from silmesh.scene.scene import Scene, normalising
+from silmesh.scene.scene import Scene, find_similarity
 
-LOWERING = "lowers the hull IoU most"  # what the scene says of views, where nothing worse is found
+LOWERING = "lowers the hull IoU most"  # reason of a view that is named although it is no outlier
 
 
 @dataclass(frozen=True)
 class Judged:
-    """What judging came to.
+    """The result of judging a scene.
 
     Attributes:
         scene: the views that are left, normalised by their silhouettes
@@ -38,12 +38,14 @@ class Judged:
     colours: Sequence[Figures]
 
     def warnings(self) -> list[str]:
-        """What a person should know of doubtful and cut views."""
+        """Sentences about outliers and about objects that the frame cuts."""
         verdict = self.decision.verdict
         said = [verdict.refusal] if verdict.refusal else []
-        for view, fate, doubt in zip(self.views, self.decision.fates, verdict.doubts, strict=True):
-            if doubt:
-                said.append(f"view {view!r} is {fate}: {doubt}")
+        for view, fate, reason in zip(
+            self.views, self.decision.fates, verdict.reasons, strict=True
+        ):
+            if reason:
+                said.append(f"view {view!r} is {fate}: {reason}")
         for i in self.decision.fitted:
             if pixels := count_on_frame(self.decision.silhouettes[i], self.frames[i]):
                 said.append(
@@ -60,7 +62,7 @@ def judge_scene(
     keep_world: bool = False,
     progress: Share = untold,
 ) -> Judged:
-    """Judge the silhouettes of a scene, and keep, drop or segment again the doubtful views.
+    """Find the outliers among a scene's silhouettes, and keep, drop or segment them again.
 
     Args:
         scene: as it was built
@@ -72,22 +74,22 @@ def judge_scene(
     Raises:
         InputError: too few views would be left
     """
-    told, views = scene.told, scene.cameras.views
-    frames = np.array([told["frames"][view] for view in views])
+    notes, views = scene.notes, scene.cameras.views
+    frames = np.array([notes["frames"][view] for view in views])
 
-    def segment(doubtful: Sequence[int], sound: Sequence[int]) -> np.ndarray:
-        shown = [scene.images[views[i]] for i in doubtful]
-        return repair(shown, scene.silhouettes, scene.cameras, doubtful, sound, frames, progress)
+    def segment(outliers: Sequence[int], inliers: Sequence[int]) -> np.ndarray:
+        shown = [scene.images[views[i]] for i in outliers]
+        return repair(shown, scene.silhouettes, scene.cameras, outliers, inliers, frames, progress)
 
-    place = {view: i for i, view in enumerate(views)}
-    lost = {place[view]: why for view, why in told["lost"].items() if view in place}
-    unreadable = [place[view] for view in told["unreadable"] if view in place]
+    position = {view: i for i, view in enumerate(views)}
+    lost = {position[view]: why for view, why in notes["lost"].items() if view in position}
+    unreadable = [position[view] for view in notes["unreadable"] if view in position]
     decision = decide(
         policy, fewest, scene.silhouettes, scene.cameras, segment, frames, lost, unreadable
     )
     colours = compare_all(scene.images, views, decision.silhouettes, frames)
     left = _measure(scene, decision, keep_world)
-    left = replace(left, told=_tell(told, views, decision, colours))
+    left = replace(left, notes=_note(notes, views, decision, colours))
     return Judged(left, views, frames, decision, colours)
 
 
@@ -99,15 +101,15 @@ def _measure(scene: Scene, decision: Decision, keep_world: bool) -> Scene:
     if set(decision.fates) == {KEPT}:
         return scene
     kept = scene.cameras.select(decision.fitted)
-    seen, similarity = decision.silhouettes[decision.fitted], scene.similarity
+    silhouettes, similarity = decision.silhouettes[decision.fitted], scene.similarity
     if not keep_world:
-        kept, similarity = _normalise(kept, seen, similarity)
+        kept, similarity = _normalise(kept, silhouettes, similarity)
     return replace(
         scene,
         cameras=kept,
         similarity=similarity,
-        silhouettes=seen,
-        coherence=coherence(carve(seen, kept), kept, seen),
+        silhouettes=silhouettes,
+        coherence=coherence(carve(silhouettes, kept), kept, silhouettes),
     )
 
 
@@ -116,21 +118,23 @@ def _normalise(
 ) -> tuple[Cameras, Similarity]:
     """Cameras of a world that was normalised by other silhouettes, in that of these."""
     own = cameras.in_world_of(before.inverse)
-    similarity = normalising(own, silhouettes)
+    similarity = find_similarity(own, silhouettes)
     return own.in_world_of(similarity), similarity
 
 
-def _tell(
-    told: Mapping[str, Any], views: Sequence[str], decision: Decision, colours: Sequence[Figures]
+def _note(
+    notes: Mapping[str, Any], views: Sequence[str], decision: Decision, colours: Sequence[Figures]
 ) -> dict[str, Any]:
     """What ``scene.json`` says of the views beside what is measured."""
     fates = dict(zip(views, decision.fates, strict=True))
-    doubts = {v: doubt for v, doubt in zip(views, decision.verdict.doubts, strict=True) if doubt}
-    lost = {view: doubts[view] for view in doubts if fates[view] == DROPPED}
+    reasons = {
+        v: reason for v, reason in zip(views, decision.verdict.reasons, strict=True) if reason
+    }
+    lost = {view: reasons[view] for view in reasons if fates[view] == DROPPED}
     return {
-        **told,
-        "dropped": told["dropped"] | lost,
-        "doubtful": doubts or dict.fromkeys(told["doubtful"], LOWERING),
+        **notes,
+        "dropped": notes["dropped"] | lost,
+        "doubtful": reasons or dict.fromkeys(notes["doubtful"], LOWERING),
         "contradicted": [views[i] for i in decision.fitted if contradict(colours[i])],
         "repaired": [view for view, fate in fates.items() if fate == REPAIRED],
         "weights": {views[i]: WEIGHTS[decision.fates[i]] for i in decision.fitted},

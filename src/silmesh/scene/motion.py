@@ -21,7 +21,7 @@ from silmesh.settings.cameras import Colmap
 from silmesh.views import View
 
 SOURCE, MASKED = "colmap", "colmap, masked"
-MATCHED = 0.6  # share of the time, by which the photographs are matched
+MATCHED = 0.6  # share of the run time after which the photographs are matched, for the progress
 
 
 def attempt_colmap(
@@ -120,8 +120,8 @@ def judge_model(
     attempt = attempt_model(source, model / MODEL, read_report(model), views)
     if attempt.cameras is None:
         return attempt
-    places = {view.view: place for place, view in enumerate(views)}
-    return refuse_incoherent(attempt, silhouettes[[places[v] for v in attempt.cameras.views]])
+    positions = {view.view: position for position, view in enumerate(views)}
+    return refuse_incoherent(attempt, silhouettes[[positions[v] for v in attempt.cameras.views]])
 
 
 def attempt_masked(

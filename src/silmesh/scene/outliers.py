@@ -1,9 +1,10 @@
-"""Quality of silhouettes: what each shows alone, beside its neighbours, and against all others.
+"""Outliers: silhouettes that the other views contradict, with a table of measures of each view.
 
-A silhouette that the others contradict is doubtful. Two shares of its area say how much they do:
-what it shows although more than k others deny it (a plate that passes for the object), and what
-it denies although at most k others do (a part that is lacking). Both are judged against the other
-views of the same object, since cameras that are a little wrong raise them in all views alike.
+Two shares of a silhouette's area measure the contradiction. ``unexplained`` is what it shows
+although more than k other views deny it, as of a plate that passes for the object. ``missing`` is
+what it does not show although at most k other views deny it, as of a part that was not segmented.
+A view is an outlier if a share is large beside those of the other views of the same object, since
+cameras that are a little wrong raise the shares of all views.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,14 +17,16 @@ from silmesh.geometry.camera import Cameras
 from silmesh.geometry.frame import count_on_frame, whole_frames
 from silmesh.scene.votes import ROUND, count_denials
 
-FINE = 64  # rays along an image's side: enough to judge, not to draw
-# In each round, one view of so many may be wrong at a point. Much at first, when wrong silhouettes
-# still speak; little at last, since a hull that bears with more is larger.
+FINE = 64  # rays along an image's side that the shares are measured by
+# In each round, one of so many trusted views may be wrong at a point. The first rounds tolerate
+# much, as outliers still vote; the last ones little, as a hull that tolerates more is larger.
 TOLERANCES = (5, 6, 8, 12, 24, 24)
-LEAST = 0.12  # shares below that are no reason for doubt
-ENOUGH = 6  # trusted views; fewer allow so much around the object that nothing can be lacking
-SLACK = 2  # pixels that the others may see more, all around
-SPREAD = 5  # nor are those within so many deviations of the median over the views
+LEAST = 0.12  # a view whose shares are both smaller is no outlier
+# With fewer trusted views the hull is so large that ``missing`` says nothing, and it is set to 0.
+ENOUGH = 6
+SLACK = 2  # pixels around a silhouette that do not count as missing
+# A view is no outlier either if its shares lie within so many standard deviations of the median.
+SPREAD = 5
 
 
 @dataclass(frozen=True)
@@ -32,31 +35,33 @@ class Verdict:
 
     Attributes:
         rows: a table's row for each view
-        doubts: why each view is doubtful; empty for one that is not
-        refusal: why nothing can be told of the views by each other, or None
+        reasons: why each view is an outlier; an empty string for an inlier
+        refusal: why outliers cannot be told from inliers, or None
     """
 
     rows: list[dict[str, float]]
-    doubts: list[str]
+    reasons: list[str]
     refusal: str | None
 
     @property
-    def doubtful(self) -> list[int]:
-        """The positions of the doubtful views."""
-        return [i for i, doubt in enumerate(self.doubts) if doubt]
+    def outliers(self) -> list[int]:
+        """Positions of the outliers."""
+        return [i for i, reason in enumerate(self.reasons) if reason]
 
     @property
-    def sound(self) -> list[int]:
-        """The positions of the others."""
-        return [i for i, doubt in enumerate(self.doubts) if not doubt]
+    def inliers(self) -> list[int]:
+        """Positions of the inliers."""
+        return [i for i, reason in enumerate(self.reasons) if not reason]
 
     def explain(self, lost: Mapping[int, str]) -> "Verdict":
-        """The same, where it is known why the silhouettes at these positions are empty."""
-        return replace(self, doubts=[lost.get(i, doubt) for i, doubt in enumerate(self.doubts)])
+        """The same verdict, with known reasons for the empty silhouettes at these positions."""
+        return replace(self, reasons=[lost.get(i, reason) for i, reason in enumerate(self.reasons)])
 
 
-def judge(silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray | None = None) -> Verdict:
-    """Find the doubtful silhouettes.
+def find_outliers(
+    silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray | None = None
+) -> Verdict:
+    """Find the silhouettes that the other views contradict.
 
     Args:
         silhouettes: [views, height, width] bool, in the order in which they were taken
@@ -75,20 +80,20 @@ def judge(silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray | None =
     jumps = area_jumps(np.array([row["area"] for row in rows]))
     for i, row in enumerate(rows):
         row |= {"area_jump": jumps[i], "unexplained": unexplained[i], "missing": missing[i]}
-    doubts = [
+    reasons = [
         "empty" if not shown[i] else _explain(unexplained[i], missing[i]) if bad[i] else ""
         for i in range(len(rows))
     ]
-    return Verdict(rows, doubts, refusal)
+    return Verdict(rows, reasons, refusal)
 
 
 def _find_contradicted(
     silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray, shown: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The two shares of each view, and whether they are a reason for doubt: each [views].
+    """The two shares of each view, and whether the view is an outlier: each [views].
 
-    In rounds: those that the trusted views contradict most lose their say about the others, and
-    get it back if the next round clears them.
+    This works in rounds. The views that the trusted ones contradict most are not trusted in the
+    next round, and are trusted again if that round clears them.
     """
     trusted = np.flatnonzero(shown)
     unexplained, missing = disagreement(silhouettes, cameras, frames, trusted, TOLERANCES[-1])
@@ -111,7 +116,7 @@ def _explain(unexplained: float, missing: float) -> str:
 
 
 def _excess(unexplained: np.ndarray, missing: np.ndarray, trusted: Sequence[int]) -> np.ndarray:
-    """By how much the worse of each view's shares passes what is usual among the trusted."""
+    """By how much the larger excess of each view's shares passes its threshold: [views]."""
     over = []
     for shares in (unexplained, missing):
         usual = np.median(shares[trusted])
@@ -127,13 +132,13 @@ def disagreement(
     trusted: Sequence[int],
     tolerance: int,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """How each view disagrees with what the trusted others allow, all but one of ``tolerance``.
+    """How each view disagrees with the hull of the trusted others, of which 1 / tolerance may err.
 
     Returns:
-        [views] what it shows and they deny, a share of its area, and [views] what they allow more
-        than ``SLACK`` pixels from it, a share of its area or of the median area if that is more
-        (a thin object seen edge on is small), 0 if fewer than ``ENOUGH`` speak; 0 for an empty
-        silhouette
+        ``unexplained`` [views], what a view shows and the others deny, as a share of its area; and
+        ``missing`` [views], what the others allow more than ``SLACK`` pixels from it, as a share of
+        its area or of the median area if that is larger (a thin object is small edge on). Both are
+        0 for an empty silhouette, and ``missing`` is if fewer than ``ENOUGH`` views are trusted
     """
     stride = -(-max(silhouettes.shape[1:]) // FINE)
     most = len(trusted) // tolerance
@@ -152,7 +157,7 @@ def disagreement(
 
 
 def describe(silhouette: np.ndarray, frame: np.ndarray) -> dict[str, float]:
-    """What a silhouette, [height, width] bool, shows by itself.
+    """Measure a silhouette, [height, width] bool, by itself.
 
     Args:
         frame: left, top, right and bottom of the photograph within the image
@@ -175,9 +180,9 @@ def describe(silhouette: np.ndarray, frame: np.ndarray) -> dict[str, float]:
 
 
 def area_jumps(areas: np.ndarray) -> np.ndarray:
-    """How far each view's area is from those of the views before and after it: [views].
+    """The factor, at least 1, between each view's area and the nearer of its neighbours': [views].
 
-    The factor to the nearer one of the two, at least 1; photographs of a turn change slowly.
+    Photographs of a turn change slowly, so a large factor is suspicious.
     """
     logs = np.log(np.maximum(areas, 1e-9))
     steps = np.stack([np.abs(logs - np.roll(logs, shift)) for shift in (1, -1)])

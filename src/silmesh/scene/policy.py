@@ -1,4 +1,4 @@
-"""What is done with doubtful views: kept, dropped, or segmented again; never silently."""
+"""What happens to outliers: they are kept, dropped, or segmented again, and always reported."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -7,15 +7,15 @@ import numpy as np
 
 from silmesh.errors import InputError
 from silmesh.geometry.camera import Cameras
-from silmesh.scene.outliers import Verdict, judge
+from silmesh.scene.outliers import Verdict, find_outliers
 
 KEPT, REPAIRED, DROPPED = "kept", "repaired", "dropped"
-WEIGHTS = {KEPT: 1.0, REPAIRED: 0.5, DROPPED: 0.0}  # how much a view counts in a fit that weighs
+WEIGHTS = {KEPT: 1.0, REPAIRED: 0.5, DROPPED: 0.0}  # of a view in the fit's loss, by its fate
 
 
 @dataclass(frozen=True)
 class Decision:
-    """What became of the views of a scene.
+    """What happened to the views of a scene.
 
     Attributes:
         verdict: on the silhouettes as they were found
@@ -29,7 +29,7 @@ class Decision:
 
     @property
     def fitted(self) -> list[int]:
-        """The positions of the views that are left."""
+        """Positions of the views that are left."""
         return [i for i, fate in enumerate(self.fates) if fate != DROPPED]
 
 
@@ -43,14 +43,14 @@ def decide(
     lost: Mapping[int, str] | None = None,
     unreadable: Collection[int] = (),
 ) -> Decision:
-    """Judge the silhouettes and deal with the doubtful ones.
+    """Find outliers among the silhouettes, and keep, drop or repair them.
 
     Args:
-        policy: ``keep``, ``drop``, or ``repair``, which drops what stays doubtful
-        fewest: views that must be left, if any is dropped
+        policy: ``keep``, ``drop``, or ``repair``, which drops what stays an outlier
+        fewest: least number of views that may be left when any is dropped
         silhouettes: [views, height, width] bool
         cameras: of these views, in the normalised world
-        segment: gives new silhouettes of doubtful views, from their positions and the sound ones'
+        segment: gives new silhouettes of outliers, from their positions and the inliers'
         frames: [views, 4] of the photographs within the images, as ``judge`` takes them
         lost: why silhouettes are empty, by position, where it is known
         unreadable: positions of the views without a photograph to segment again
@@ -58,17 +58,17 @@ def decide(
     Raises:
         InputError: too few views would be left
     """
-    verdict = judge(silhouettes, cameras, frames).explain(lost or {})
-    doubtful, fates, new = verdict.doubtful, [KEPT] * len(silhouettes), silhouettes.copy()
-    if policy == "repair" and doubtful:
-        if seen := [i for i in doubtful if i not in unreadable]:
-            new[seen] = segment(seen, verdict.sound)
-        still = judge(new, cameras, frames).doubtful
-        for i in doubtful:
+    verdict = find_outliers(silhouettes, cameras, frames).explain(lost or {})
+    outliers, fates, new = verdict.outliers, [KEPT] * len(silhouettes), silhouettes.copy()
+    if policy == "repair" and outliers:
+        if readable := [i for i in outliers if i not in unreadable]:
+            new[readable] = segment(readable, verdict.inliers)
+        still = find_outliers(new, cameras, frames).outliers
+        for i in outliers:
             fates[i] = DROPPED if i in still else REPAIRED
             new[i] = silhouettes[i] if i in still else new[i]
     elif policy == "drop":
-        for i in doubtful:
+        for i in outliers:
             fates[i] = DROPPED
     decision = Decision(verdict, new, fates)
     _refuse_too_few(decision, fewest, cameras.views)
@@ -78,9 +78,9 @@ def decide(
 def _refuse_too_few(decision: Decision, fewest: int, views: Sequence[str]) -> None:
     if DROPPED not in decision.fates or len(decision.fitted) >= fewest:
         return
-    doubts = decision.verdict.doubts
-    lost = [f"{views[i]!r} ({doubts[i]})" for i, f in enumerate(decision.fates) if f == DROPPED]
+    reasons = decision.verdict.reasons
+    lost = [f"{views[i]!r} ({reasons[i]})" for i, f in enumerate(decision.fates) if f == DROPPED]
     raise InputError(
         f"only {len(decision.fitted)} views are left, and quality.fewest is {fewest}: dropped are "
-        f"{', '.join(lost)}. quality.policy 'keep' fits doubtful views as they are"
+        f"{', '.join(lost)}. quality.policy 'keep' fits outliers as they are"
     )

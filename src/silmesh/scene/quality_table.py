@@ -23,9 +23,9 @@ def write_table(
     """
     verdict = decision.verdict
     rows = [
-        {"view": view, **row, **seen, "doubt": doubt, "fate": fate, "weight": WEIGHTS[fate]}
-        for view, row, seen, doubt, fate in zip(
-            views, verdict.rows, colours, verdict.doubts, decision.fates, strict=True
+        {"view": view, **row, **agreement, "doubt": reason, "fate": fate, "weight": WEIGHTS[fate]}
+        for view, row, agreement, reason, fate in zip(
+            views, verdict.rows, colours, verdict.reasons, decision.fates, strict=True
         )
     ]
     with (folder / TABLE).open("w", newline="", encoding="utf-8") as file:

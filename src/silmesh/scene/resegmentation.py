@@ -1,8 +1,8 @@
-"""Segment a doubtful view again, with what the other views say about it.
+"""Re-segmentation of an outlier, guided by the visual hull of the inliers.
 
-Their visual hull, seen from the view, can only be too large: what lies outside is background, what
-lies deep inside and was found before is object, and GrabCut (Rother et al. 2004) cuts between them
-by the photograph's colours.
+That hull, rendered in the outlier's view, contains the object. So pixels outside it are background.
+Pixels deep inside it that the old silhouette shows are object. GrabCut (Rother et al. 2004) decides
+the pixels between them by the photograph's colours.
 """
 
 from collections.abc import Sequence
@@ -15,36 +15,38 @@ from silmesh.geometry.camera import Cameras
 from silmesh.progress import Share, untold
 from silmesh.scene.votes import count_denials
 
-OUTER = 4  # pixels outside the hull that colours are still judged in; further out is background
-INNER = 1 / 40  # of the image's side: how deep inside the hull what was found before is sure
-DEEP = 1 / 2  # of the hull's depth: where the object is sure though it was not found before
-ITERATIONS = 5
+OUTER = 4  # pixels around the hull that are probably background; those beyond certainly are
+INNER = 1 / 40  # of the image's side: the old silhouette is trusted from this depth in the hull on
+# If the old silhouette shows little of that, pixels from this share of the hull's greatest depth on
+# are object instead.
+DEEP = 1 / 2
+ITERATIONS = 5  # of GrabCut
 
 
 def repair(
     photographs: Sequence[Image.Image],
     silhouettes: np.ndarray,
     cameras: Cameras,
-    doubtful: Sequence[int],
-    sound: Sequence[int],
+    outliers: Sequence[int],
+    inliers: Sequence[int],
     frames: np.ndarray | None = None,
     progress: Share = untold,
 ) -> np.ndarray:
-    """New silhouettes of the doubtful views: [len(doubtful), height, width] bool.
+    """Segment the outliers again: [len(outliers), height, width] bool.
 
     Args:
-        photographs: of the doubtful views, their working images
+        photographs: working images of the outliers
         silhouettes: [views, height, width] bool, of all views
         cameras: of all views, in the normalised world
-        doubtful, sound: positions of the views to segment again, and of those that say how
+        outliers, inliers: positions of the views to segment again, and of those that form the hull
         frames: [views, 4] of the photographs within the images, as ``count_denials`` takes them
-        progress: is told which share of the doubtful views is done
+        progress: is told which share of the outliers is done
     """
-    hulls = count_denials(silhouettes, cameras, doubtful, sound, 1, frames=frames) == 0
+    hulls = count_denials(silhouettes, cameras, outliers, inliers, 1, frames=frames) == 0
     found = []
-    for photograph, hull, i in zip(photographs, hulls, doubtful, strict=True):
+    for photograph, hull, i in zip(photographs, hulls, outliers, strict=True):
         found.append(segment(np.asarray(photograph.convert("RGB")), hull, silhouettes[i]))
-        progress(len(found) / len(doubtful))
+        progress(len(found) / len(outliers))
     return np.stack(found)
 
 
@@ -54,7 +56,7 @@ def segment(pixels: np.ndarray, hull: np.ndarray, before: np.ndarray) -> np.ndar
     Args:
         pixels: [height, width, 3] uint8
         hull: [height, width] bool, where the object can be
-        before: [height, width] bool, the silhouette that is doubted
+        before: [height, width] bool, the old silhouette
     Returns:
         [height, width] bool; nothing if the hull is empty
     """
@@ -78,7 +80,7 @@ def segment(pixels: np.ndarray, hull: np.ndarray, before: np.ndarray) -> np.ndar
 
 
 def _drop_specks(region: np.ndarray) -> np.ndarray:
-    """The pieces of a region that are not specks."""
+    """The region without pieces smaller than a twentieth of its largest piece."""
     if not region.any():
         return region
     pieces, count = ndimage.label(region)

@@ -26,7 +26,7 @@ from silmesh.geometry.camera import (
     read_cameras,
     write_cameras,
 )
-from silmesh.geometry.undistortion import Straightened
+from silmesh.geometry.undistortion import Undistorted
 from silmesh.silhouettes import encode, read_silhouettes
 from silmesh.views import ImageFolder
 
@@ -42,7 +42,7 @@ class Scene:
         similarity: from the input's own world to it
         silhouettes: [views, height, width] bool, undistorted
         coherence: [views], the visual hull's IoU with each silhouette
-        told: what else ``scene.json`` says
+        notes: the other entries of ``scene.json``
         images: the working images, undistorted
     """
 
@@ -50,13 +50,13 @@ class Scene:
     similarity: Similarity
     silhouettes: np.ndarray
     coherence: np.ndarray
-    told: Mapping[str, Any]
+    notes: Mapping[str, Any]
     images: Mapping[str, Image.Image] = field(default_factory=dict)
 
     def describe(self) -> dict[str, Any]:
         """All that ``scene.json`` says."""
         return {
-            **self.told,
+            **self.notes,
             "centre": self.similarity.centre.tolist(),
             "scale": self.similarity.scale,
             "hull_iou_mean": float(self.coherence.mean()),
@@ -64,10 +64,10 @@ class Scene:
         }
 
 
-MEASURED = ("centre", "scale", "hull_iou_mean", "hull_iou")  # of scene.json, beside what is told
+MEASURED = ("centre", "scale", "hull_iou_mean", "hull_iou")  # keys of scene.json beside the notes
 
 
-def normalising(cameras: Cameras, silhouettes: np.ndarray) -> Similarity:
+def find_similarity(cameras: Cameras, silhouettes: np.ndarray) -> Similarity:
     """The shift and scale that bring the object into the sphere of radius 0.5 at the origin.
 
     The centre is where the rays through the middles of the silhouettes' bounding boxes meet, by
@@ -105,8 +105,8 @@ def find_object(cameras: Cameras, silhouettes: np.ndarray) -> tuple[Tensor, Tens
 def find_middles(silhouettes: np.ndarray) -> Tensor:
     """The middles of the silhouettes' bounding boxes, in pixels: [views, 2] float64."""
     middles = []
-    for seen in silhouettes:
-        rows, columns = (np.flatnonzero(seen.any(axis=axis)) for axis in (1, 0))
+    for silhouette in silhouettes:
+        rows, columns = (np.flatnonzero(silhouette.any(axis=axis)) for axis in (1, 0))
         middles.append([columns[0] + columns[-1] + 1, rows[0] + rows[-1] + 1])
     return torch.tensor(middles, dtype=torch.float64) / 2
 
@@ -139,22 +139,22 @@ def refuse_camera_inside(cameras: Cameras) -> None:
 
 
 def write_scene(
-    folder: Path, scene: Scene, images: Path, straightened: Straightened | None = None
+    folder: Path, scene: Scene, images: Path, undistorted: Undistorted | None = None
 ) -> None:
     """Write a scene.
 
     Args:
         images: the folder of the working images, ``<view>.png``
-        straightened: how these become the images of the cameras, if any had a lens
+        undistorted: how these become the images of the cameras, if any had a lens
     """
-    straightened = straightened or Straightened(scene.cameras, {}, 0.0)
+    undistorted = undistorted or Undistorted(scene.cameras, {}, 0.0)
     with making(folder) as part:
         write_cameras(part / "cameras.json", scene.cameras)
         for name in (VIEWS, SILHOUETTES):
             (part / name).mkdir()
         for view, silhouette in zip(scene.cameras.views, scene.silhouettes, strict=True):
             name = f"{view}.png"
-            straightened.write_image(view, images / name, part / VIEWS / name)
+            undistorted.write_image(view, images / name, part / VIEWS / name)
             encode(silhouette).save(part / SILHOUETTES / name)
         said = json.dumps(scene.describe(), indent=1)
         (part / "scene.json").write_text(said + "\n", encoding="utf-8")
@@ -164,10 +164,10 @@ def load_scene(folder: Path) -> Scene:
     """The scene that a folder holds."""
     cameras, similarity, whole = read_scene(folder)
     coherence = np.array([whole["hull_iou"][view] for view in cameras.views])
-    told = {key: value for key, value in whole.items() if key not in MEASURED}
+    notes = {key: value for key, value in whole.items() if key not in MEASURED}
     silhouettes = read_silhouettes(folder / SILHOUETTES, cameras.views)
     images = ImageFolder(folder / VIEWS)
-    return Scene(cameras, similarity, silhouettes, coherence, told, images)
+    return Scene(cameras, similarity, silhouettes, coherence, notes, images)
 
 
 def read_scene(folder: Path) -> tuple[Cameras, Similarity, dict]:

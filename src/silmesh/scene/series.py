@@ -9,18 +9,32 @@ from itertools import pairwise
 
 import numpy as np
 
-LEAST = 5  # views of a round
-CLOSED = 1.4  # times the larger differences of neighbours: a round's ends differ by less
-NEAR = 0.8  # of the usual difference of any two views of a round: its neighbours differ by less
-RISEN = 0.35  # of the mean rise of one round over another: it rises by more in every view
-RISEN_UNEQUAL = 0.6  # as RISEN, for rounds of different lengths
-NOTICED = 0.02  # of the object's size or area, below which a rise is nothing
-MATCHED = 0.3  # of what turning changes across the image: two rounds may differ there by less
-ALIKE = 0.03  # difference, below which silhouettes say nothing of their order
-SHUFFLED = 1.5  # times what the most similar views differ by, from which neighbours are none
-ALTERNATE = 0.6  # of the difference of neighbours: every other view of two rounds differs by less
-STRAY = 2.0  # times the usual difference, and that of its neighbours: a view of more strays
-GAP = 3.0  # times the usual difference, and those beside it: a larger one is a gap
+LEAST = 5  # least number of views of a round
+# A round is closed if its first and last view differ by at most this times the third quartile of
+# the differences between neighbours.
+CLOSED = 1.4
+# Views are in order if neighbours differ, in the median, by less than this share of the median
+# difference of any two views.
+NEAR = 0.8
+# A round is seen from another height than the one before if its least rise over that, in any view,
+# is at least this share of its mean rise. RISEN_UNEQUAL is for rounds of different lengths.
+RISEN = 0.35
+RISEN_UNEQUAL = 0.6
+NOTICED = 0.02  # a mean rise below this share of the object's size or area counts as none
+# Two rounds turn alike if their silhouettes' columns differ by less than this share of what the
+# turn changes in them.
+MATCHED = 0.3
+ALIKE = 0.03  # silhouettes whose difference is below this say nothing about their order
+# Views are shuffled if neighbours differ by more than this times the difference of similar views.
+SHUFFLED = 1.5
+# Two series are interleaved if every other view differs by less than this share of the difference
+# between neighbours.
+ALTERNATE = 0.6
+# A view is a stray if it differs from both neighbours by more than this times the difference of
+# these from each other, and times the median difference of neighbours.
+STRAY = 2.0
+# A gap is a difference of neighbours larger than this times the two beside it, and the median.
+GAP = 3.0
 
 
 @dataclass(frozen=True)
@@ -61,9 +75,9 @@ def prepare(silhouettes: np.ndarray) -> Series:
 
 def _spread(counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Deviation and mean of the places along an axis, from the pixels at each: [views, length]."""
-    place, total = np.arange(counts.shape[1]) + 0.5, counts.sum(axis=1)
-    mean = counts @ place / total
-    return np.sqrt(np.maximum(counts @ place**2 / total - mean**2, 0)), mean
+    position, total = np.arange(counts.shape[1]) + 0.5, counts.sum(axis=1)
+    mean = counts @ position / total
+    return np.sqrt(np.maximum(counts @ position**2 / total - mean**2, 0)), mean
 
 
 def find_rounds(series: Series) -> list[range]:
@@ -86,8 +100,8 @@ def find_rounds(series: Series) -> list[range]:
 
 def _split(series: Series, part: range) -> list[range]:
     """The rounds of a part: it in two at the best place, each of these again."""
-    places = range(part.start + LEAST, part.stop - LEAST + 1)
-    pairs = [(range(part.start, k), range(k, part.stop)) for k in places]
+    positions = range(part.start + LEAST, part.stop - LEAST + 1)
+    pairs = [(range(part.start, k), range(k, part.stop)) for k in positions]
     pairs = [
         pair
         for pair in pairs
@@ -133,7 +147,7 @@ class _Laid:
 
 
 def _lay(series: Series, first: range, second: range) -> _Laid:
-    places = np.arange(len(second)) * len(first) / len(second)
+    positions = np.arange(len(second)) * len(first) / len(second)
     wrapped = np.r_[first, first.start]
 
     def take(values: np.ndarray, at: np.ndarray) -> np.ndarray:
@@ -144,7 +158,9 @@ def _lay(series: Series, first: range, second: range) -> _Laid:
         off = take(series.across, at) - series.across[second]
         return float((off - off.mean(axis=0)).std())
 
-    ways = [(way * places + start) % len(first) for start in range(len(first)) for way in (1, -1)]
+    ways = [
+        (way * positions + start) % len(first) for start in range(len(first)) for way in (1, -1)
+    ]
     at = min(ways, key=miss)
     turned = (series.across[second] - series.across[second].mean(axis=0)).std()
     return _Laid(

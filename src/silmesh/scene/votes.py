@@ -1,13 +1,14 @@
-"""What the other views allow: along a pixel's ray, how few of them deny that the object is there.
+"""Votes of the other views: along a pixel's ray, how few views deny that the object is there.
 
-A view denies a point that it sees outside its silhouette. The pixels of view i whose ray holds a
-point that no other view denies are the leave-one-out visual hull, seen from i; those that at most k
-deny are a hull which k wrong silhouettes cannot carve away. Both come from one map of view i,
+A view denies a point that projects outside its silhouette. The pixels of view i whose ray has a
+point that no other view denies are the leave-one-out visual hull, rendered in i. The pixels whose
+ray has a point that at most k views deny are a hull that tolerates k wrong silhouettes. Both come
+from one map of view i,
 
     denials(u, v) = min over the points x of the ray through (u, v) of
                     the sum over the views j != i of [x is seen outside the silhouette of j]
 
-with no grid between the images: the ray is sampled a pixel apart.
+which needs no grid of voxels: each ray is sampled at distances of about a pixel.
 """
 
 from collections.abc import Sequence
@@ -19,8 +20,9 @@ from scipy.ndimage import binary_dilation
 from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
 from silmesh.geometry.frame import is_cut, whole_frames
 
-GRACE = 1  # pixels outside a silhouette in which it denies nothing
-REACH = 1.2 * OBJECT_RADIUS  # of the sphere in which points are looked for
+GRACE = 1  # pixels: a view does not deny points that project this close to its silhouette
+REACH = 1.2 * OBJECT_RADIUS  # radius of the sphere about the origin in which rays are sampled
+# A structuring element: the four neighbours of a pixel.
 ROUND = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], bool)
 
 
@@ -33,17 +35,17 @@ def count_denials(
     stride: int = 1,
     frames: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Map, for some views, how few other views deny the points along each pixel's ray.
+    """For some views, the least number of other views that deny any point of each pixel's ray.
 
     Args:
         silhouettes: [views, height, width] bool
         cameras: of these views, in the normalised world
         of: the views to map
-        by: the views that may deny; a view does not speak about itself
-        most: where counting ends
-        stride: every so many pixels of a row and of a column are mapped
+        by: the views that vote; a view has no vote about itself
+        most: counts end here
+        stride: every ``stride``-th pixel of each row and column is mapped
         frames: [views, 4] left, top, right and bottom of the photographs within the images; a view
-            whose photograph cuts the silhouette says nothing beyond it. The whole images if not
+            whose frame cuts the silhouette has no vote beyond the frame. The whole images if not
             given
     Returns:
         [len(of), height / stride, width / stride] uint8, ``most`` where as many or
@@ -69,7 +71,7 @@ def count_denials(
 
 @njit(parallel=True, cache=True, error_model="numpy")
 def _count(denied, cut, P, others, ray, eye, step, reach, most, stride):
-    """The map of one view: ``ray`` [3, 3] takes a pixel to the way of its ray from ``eye``."""
+    """The map of one view: ``ray`` [3, 3] maps a pixel to the direction of its ray from ``eye``."""
     _, height, width = denied.shape
     counts = np.empty(((height - 1) // stride + 1, (width - 1) // stride + 1), np.uint8)
     for line in prange(len(counts)):
@@ -78,8 +80,8 @@ def _count(denied, cut, P, others, ray, eye, step, reach, most, stride):
             m = P[others[n]]
             for k in range(3):
                 start[n, k] = m[k, 0] * eye[0] + m[k, 1] * eye[1] + m[k, 2] * eye[2] + m[k, 3]
-        for place in range(counts.shape[1]):
-            u, v = stride * place + 0.5, stride * line + 0.5
+        for column in range(counts.shape[1]):
+            u, v = stride * column + 0.5, stride * line + 0.5
             way = ray[:, 0] * u + ray[:, 1] * v + ray[:, 2]
             way /= np.sqrt((way * way).sum())
             middle = -(way * eye).sum()
@@ -97,13 +99,13 @@ def _count(denied, cut, P, others, ray, eye, step, reach, most, stride):
                     least = min(least, _denying(denied, cut, others, start, along, at, least))
                     if least == 0:
                         break
-            counts[line, place] = least
+            counts[line, column] = least
     return counts
 
 
 @njit(cache=True, error_model="numpy")
 def _denying(denied, cut, others, start, along, at, most):
-    """How many views deny the point at this distance along a ray, counted up to ``most``."""
+    """How many views deny the point at the distance ``at`` along a ray, counted up to ``most``."""
     _, height, width = denied.shape
     count = 0
     for n in range(len(others)):

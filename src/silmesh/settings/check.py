@@ -100,8 +100,8 @@ def _tagged(schema: Any) -> dict[str, Any]:
 
 def _tags_of(members: Sequence[Any]) -> Iterator[tuple[str, Any]]:
     for member in members:
-        model, *told = get_args(member) or (member,)
-        yield from ((part.tag, model) for part in told if isinstance(part, Tag))
+        model, *metadata = get_args(member) or (member,)
+        yield from ((part.tag, model) for part in metadata if isinstance(part, Tag))
 
 
 def _may_be_absent(schema: Any) -> bool:

@@ -1,13 +1,37 @@
 """The fit: what each preset's procedure is told."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Union
 
 from pydantic import Discriminator, Field, Tag
 
-from silmesh.settings.section import Betas, NotNegative, Positive, Section, Seed, Truth, whole
+from silmesh.errors import InputError
+from silmesh.own_code import own_file
+from silmesh.settings.section import (
+    Betas,
+    NotNegative,
+    OwnCode,
+    Positive,
+    Section,
+    Seed,
+    Truth,
+    whole,
+)
 
-Preset = Literal["softras", "fast"]
+Preset = Literal[  # the model of each is in FITS, below
+    "softras",
+    "fast",
+]
+AUTO = "auto"
+RENDERERS = (  # each but the first is the module of its name in softras
+    AUTO,
+    "cpu",
+    "reference",
+)
+Renderer = Literal[RENDERERS] | OwnCode
+Options = Annotated[
+    dict[str, bool | int | float | str], "names, each with a number, words, true or false"
+]
 SOFTNESS = 0.03  # pixels: the root of sigma where it is `auto`
 
 
@@ -28,8 +52,14 @@ class FastWeights(Section):
 class _Fit(Section):
     """What all presets have."""
 
-    preset: Preset = Field(
+    preset: Preset | OwnCode = Field(
         "fast", description="fast: ours; softras: the report's procedure to the letter"
+    )
+    renderer: Renderer = Field(
+        AUTO,
+        description="auto: cpu on the CPU, reference on a GPU; cpu: the fast kernel; reference: "
+        "plain torch, slow; a function of your own takes what "
+        "`silmesh.softras.soft_silhouettes` does",
     )
     holdout: Literal[0] | whole(
         2, 10_000
@@ -47,7 +77,7 @@ class _Fit(Section):
 class SoftRasFit(_Fit):
     """The report's procedure: ``silmesh.fitting.softras``."""
 
-    preset: Preset = Field("softras", description="the report's procedure to the letter")
+    preset: Preset | OwnCode = Field("softras", description="the report's procedure to the letter")
     iterations: whole(1, 1_000_000) = Field(2000, description="steps")
     learning_rate: Positive = Field(0.01, description="Adam's")
     betas: Betas = Field((0.5, 0.99), description="Adam's")
@@ -77,16 +107,44 @@ class FastFit(_Fit):
     untangle: Truth = Field(True, description="in the end turn parts that are inside out")
 
 
-FITS = {"softras": SoftRasFit, "fast": FastFit}  # by the preset
+class OwnFit(SoftRasFit):
+    """A procedure of a person's own, told what the report's is, and what else it takes."""
+
+    preset: OwnCode = Field(description="makes the procedure")
+    options: Options = Field({}, description="what else it takes, as it is")
+
+
+FITS = {  # by the preset, whose procedure is the module of its name in fitting
+    "softras": SoftRasFit,
+    "fast": FastFit,
+}
+OWN = "own"  # what is none of these is of
+
+
+def refuse_clash(fit: _Fit) -> None:
+    """Refuse a renderer that does not run on the device.
+
+    Raises:
+        InputError: it does not
+    """
+    if fit.renderer == "cpu" and fit.device == "cuda":
+        raise InputError(
+            "fit.renderer: 'cpu' does not render on the device 'cuda'; should be 'auto' or "
+            "'reference', or fit.device 'cpu'"
+        )
 
 
 def _preset_of(fit: Any) -> str:
     """Which of the models a fit is of; what is no preset is refused by that of the default one."""
     preset = fit.get("preset") if isinstance(fit, Mapping) else getattr(fit, "preset", None)
-    return preset if isinstance(preset, str) and preset in FITS else "fast"
+    if not isinstance(preset, str):
+        return "fast"
+    return OWN if own_file(preset) else preset if preset in FITS else "fast"
 
 
 Fit = Annotated[
-    Annotated[SoftRasFit, Tag("softras")] | Annotated[FastFit, Tag("fast")],
+    Union[  # noqa: UP007, of as many as there are
+        tuple(Annotated[model, Tag(name)] for name, model in [(OWN, OwnFit), *FITS.items()])
+    ],
     Discriminator(_preset_of),
 ]

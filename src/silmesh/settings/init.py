@@ -8,7 +8,15 @@ from pydantic import Field
 from silmesh.own_code import own_file
 from silmesh.settings.section import OwnCode, Section, whole
 
-Shape = Literal["sphere", "ellipsoid", "cylinder", "cube", "prism", "hull", "auto"]
+Shape = Literal[
+    "sphere",
+    "ellipsoid",
+    "cylinder",
+    "cube",
+    "prism",
+    "hull",
+    "auto",
+]
 TUNNELLED = {"prism", "hull", "auto"}  # shapes that can have tunnels to keep or to close
 
 

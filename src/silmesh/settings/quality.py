@@ -1,4 +1,4 @@
-"""What is done with views whose silhouette is doubtful."""
+"""What is done with outliers: views whose silhouette the other views contradict."""
 
 from typing import Literal
 
@@ -13,13 +13,13 @@ POLICIES = {"mask": "keep", "alpha": "keep", "threshold": "drop"}
 
 
 class Quality(Section):
-    """What is done with views whose silhouette is doubtful."""
+    """What is done with outliers: views whose silhouette the other views contradict."""
 
     policy: Policy = Field(
         "auto",
         description="keep fits them as they are; drop leaves them out; repair segments them again "
-        "with what the other views say, and leaves out what stays doubtful; auto is keep for mask "
-        "and alpha, drop for threshold, repair for the others",
+        "with what the other views say, and leaves out what stays an outlier; auto is keep for "
+        "mask and alpha, drop for threshold, repair for the others",
     )
     fewest: whole(2, 10_000) = Field(
         3, description="a run in which fewer views would be left fails"

@@ -6,9 +6,10 @@ from typing import Annotated, Literal
 
 from pydantic import Field, StringConstraints
 
-from silmesh.settings.section import Pixels, Section
+from silmesh.errors import InputError
+from silmesh.own_code import SHOULD, own_file
+from silmesh.settings.section import OwnCode, Pixels, Section
 
-SilhouetteSource = Literal["mask", "alpha", "threshold", "deeplab", "matting"]
 Network = Literal["mobilenet_v3_large", "resnet50", "resnet101"]
 WeightsSource = Annotated[
     str,
@@ -24,7 +25,16 @@ FOREGROUND_MODELS = ("isnet", "isnet-small")  # whose weights can be fetched
 WEIGHTS = Path("resources/weights")  # links to those that were fetched into the user's cache
 
 
-class DeepLab(Section):
+class NetworkSettings(Section):
+    """What the settings of all networks have."""
+
+    @property
+    def weights_file(self) -> Path | None:
+        """The file of the weights, if there is one that a person may replace or that is fetched."""
+        return None
+
+
+class DeepLab(NetworkSettings):
     """Silhouettes from DeepLabv3."""
 
     model: Network = Field("mobilenet_v3_large", description="torchvision's name of the backbone")
@@ -50,7 +60,7 @@ class DeepLab(Section):
         return weights_file(self.weights)
 
 
-class Matting(Section):
+class Matting(NetworkSettings):
     """Silhouettes by a foreground model."""
 
     model: ForegroundModel = Field(
@@ -66,10 +76,31 @@ class Matting(Section):
 
 
 class Networks(Section):
-    """The sources of silhouettes that have settings, by the sources' names."""
+    """The sources of silhouettes that are networks: the settings of each, by its name.
+
+    A network is the module of its name in ``silmesh.silhouettes``, and one line here.
+    """
 
     deeplab: DeepLab = Field(DeepLab(), description="silhouettes from DeepLabv3")
     matting: Matting = Field(Matting(), description="silhouettes by a foreground model")
+
+
+SOURCES = ("mask", "alpha", "threshold", *Networks.model_fields)
+SilhouetteSource = Literal[SOURCES] | OwnCode
+
+
+def check_source(name: str) -> str:
+    """A source of silhouettes: one of ``SOURCES``, or a function of a person's own.
+
+    Raises:
+        InputError: it is neither
+    """
+    if name in SOURCES or own_file(name):
+        return name
+    raise InputError(
+        f"silhouettes: should be one of {', '.join(SOURCES)}, not {name!r}; one of your own "
+        f"{SHOULD}"
+    )
 
 
 def weights_file(weights: str) -> Path | None:

@@ -8,11 +8,11 @@ from skimage.measure import perimeter_crofton
 from skimage.morphology import convex_hull_image
 
 COUNTS = (642, 1352, 1922)  # what the report calls 600, 1,300 and 1,900 polygons
-MOST = 10_000  # vertices that `auto` takes
-EDGE = 5.0  # pixels: `auto` takes the fewest vertices whose edges in the image are this short
-DETAILED = 8  # views whose outlines are measured
-REPORT_SIZE = 256  # pixels of the images in which the report's alignment counts
-REPORT_RADIUS = 90  # pixels of the unit sphere, halved, in such an image
+MOST = 10_000  # most vertices that `auto` chooses
+EDGE = 5.0  # pixels: edge length in the images that `auto` aims at for smooth outlines
+DETAILED = 8  # most views whose outlines are measured for `auto`
+REPORT_SIZE = 256  # pixels a side of the images to which the report's alignment refers
+REPORT_RADIUS = 90  # pixels: radius of the halved unit sphere in such an image
 
 
 def choose_count(silhouettes: np.ndarray) -> int:

@@ -16,21 +16,28 @@ from silmesh.errors import InputError
 from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
 from silmesh.geometry.overlap import mean_iou
 from silmesh.geometry.thresholds import COHERENT
-from silmesh.geometry.visual_hull import Hull, carve, find_doubtful
-from silmesh.shapes.downsample import look_smaller, render
+from silmesh.geometry.visual_hull import Hull, carve, find_outlier_views
+from silmesh.shapes.downsample import downsample, render
 from silmesh.shapes.ellipsoid import find_ellipsoid
 from silmesh.shapes.even import even_mesh
 
-RESOLUTION = 128  # samples a side
-FINER = 3  # times as many vertices as are wanted has the surface that is remeshed, if it can
-FINE = 3000  # vertices that it has at least: in a coarser one small parts are not round
-ALIKE = 0.01  # of the volume: a coarser surface that is off by no more may stand for the finest
-TOLERATED = (0, 1, 2, 4, 8)  # how many disagreeing views are tried
-MOST_TOLERATED = 1 / 6  # of all views
-SIZE, VIEWS, SAMPLES = 96, 18, 48  # of the looks in which that is tried
-CLOSINGS = np.array([1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2])  # of the body: radii that close tunnels
-FRONTS = 8  # views whose prisms are tried
-ACROSS = 0.9  # largest cosine between two views' axes from which one tells the other's depth
+RESOLUTION = 128  # samples a side of the final hull
+# To save time, remeshing starts from a surface sampled more coarsely than RESOLUTION, if that has
+# at least FINER times the wanted vertices and FINE vertices, and a volume that is off by at most
+# ALIKE.
+FINER = 3
+FINE = 3000
+ALIKE = 0.01
+TOLERATED = (0, 1, 2, 4, 8)  # numbers of disagreeing views that are tried, in this order
+MOST_TOLERATED = 1 / 6  # greatest share of all views that may disagree
+# Pixels a side, number of views, and samples of a side of the hull in these trials.
+SIZE, VIEWS, SAMPLES = 96, 18, 48
+# Radii of the morphological closings that are tried on tunnels, as shares of the body's extent.
+CLOSINGS = np.array([1 / 32, 1 / 16, 1 / 8, 1 / 4, 1 / 2])
+FRONTS = 8  # number of views whose prisms are tried
+# The depth of a prism is measured in another view if the cosine of their optical axes is at most
+# this.
+ACROSS = 0.9
 
 
 class EmptyHull(InputError):  # noqa: N818
@@ -39,13 +46,13 @@ class EmptyHull(InputError):  # noqa: N818
 
 @dataclass(frozen=True)
 class Carved:
-    """A carved body, and what a person should know of it.
+    """A carved body, and how it was carved.
 
     Attributes:
         mesh: closed, in one piece, oriented outwards
-        tolerated: how many views were let disagree
-        pieces: how many it came in, of which the largest is kept
-        lost: the others' share of the volume
+        tolerated: how many views were allowed to disagree
+        pieces: number of connected pieces, of which the largest is kept
+        lost: share of the volume in the other pieces
     """
 
     mesh: trimesh.Trimesh
@@ -69,7 +76,7 @@ def hull_mesh(silhouettes: np.ndarray, cameras: Cameras, vertices: int, genus: s
     tolerated = choose_tolerated(silhouettes, cameras)
     hull = carve(silhouettes, cameras, RESOLUTION, tolerated)
     if hull.empty:
-        views = [cameras.views[i] for i in find_doubtful(silhouettes, cameras)]
+        views = [cameras.views[i] for i in find_outlier_views(silhouettes, cameras)]
         raise EmptyHull(
             "the visual hull is empty: the cameras and the silhouettes contradict each other, most "
             f"of all in {', '.join(views)}"
@@ -128,9 +135,9 @@ def _depth(
         return -OBJECT_RADIUS / 2, OBJECT_RADIUS / 2
     pixels = np.argwhere(silhouettes[side])[:, ::-1] + 0.5
     K, R, t = (part[side].numpy() for part in (cameras.K, cameras.R, cameras.t))
-    seen = np.concatenate([pixels, np.ones((len(pixels), 1))], axis=1) @ np.linalg.inv(K).T
+    rays = np.concatenate([pixels, np.ones((len(pixels), 1))], axis=1) @ np.linalg.inv(K).T
     depth = facing[side] @ centre + t[2]
-    points = (seen * depth - t) @ R
+    points = (rays * depth - t) @ R
     reach = (points - centre) @ across / np.linalg.norm(across)
     return float(reach.min()), float(reach.max())
 
@@ -141,13 +148,13 @@ def choose_tolerated(silhouettes: np.ndarray, cameras: Cameras) -> int:
     With n views from all around a hull that lets one disagree is only little thicker; that of few
     views would be much thicker, so that no more than a sixth of them may.
     """
-    seen, eyes = look_smaller(silhouettes, cameras, SIZE, len(cameras))
+    small, small_cameras = downsample(silhouettes, cameras, SIZE, len(cameras))
     best, chosen = -1.0, 0
     for tolerated in TOLERATED:
         if tolerated > MOST_TOLERATED * len(cameras):
             break
-        hull = carve(seen, eyes, SAMPLES, tolerated)
-        iou = 0.0 if hull.empty else _hull_iou(hull, seen, eyes)
+        hull = carve(small, small_cameras, SAMPLES, tolerated)
+        iou = 0.0 if hull.empty else _hull_iou(hull, small, small_cameras)
         if iou > best:
             best, chosen = iou, tolerated
         if iou >= COHERENT:
@@ -156,9 +163,9 @@ def choose_tolerated(silhouettes: np.ndarray, cameras: Cameras) -> int:
 
 
 def _hull_iou(hull: Hull, silhouettes: np.ndarray, cameras: Cameras) -> float:
-    seen, eyes = look_smaller(silhouettes, cameras, SIZE, VIEWS)
+    small, small_cameras = downsample(silhouettes, cameras, SIZE, VIEWS)
     mesh = trimesh.Trimesh(*hull.surface(), process=False)
-    return mean_iou(render(mesh, eyes, seen.shape[1:]), seen)
+    return mean_iou(render(mesh, small_cameras, small.shape[1:]), small)
 
 
 def draw(hull: Hull, vertices: int, genus: str) -> Carved:

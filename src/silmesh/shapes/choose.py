@@ -1,4 +1,4 @@
-"""``shape: auto``: initial meshes are fitted in small images, the better ones for longer."""
+"""``shape: auto``: trial fits of all initial meshes in small images, the better ones for longer."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -11,13 +11,14 @@ import trimesh
 
 from silmesh.geometry.camera import Cameras
 from silmesh.progress import Share, untold
-from silmesh.shapes.downsample import look_smaller
+from silmesh.shapes.downsample import downsample
 
-SIZE, VIEWS = 64, 12  # of the looks in which meshes are tried
-VERTICES = 642  # of the meshes that are tried
-# Steps up to which meshes are fitted, how many then go on, within which factor of the least loss.
+SIZE, VIEWS = 64, 12  # pixels a side, and number of views, of the trial fits
+VERTICES = 642  # of the meshes in the trial fits
+# Rounds of the trial: the steps up to which meshes are fitted, the most meshes that then go on, and
+# the factor of the least loss within which their losses must lie.
 ROUNDS = ((20, 3, np.inf), (60, 2, 1.5), (200, 1, 1.0))
-LATEST = 20  # steps whose median is a fit's loss: Adam's steps make single ones leap
+LATEST = 20  # last steps whose median is a trial's loss, as single losses jump with Adam's steps
 
 # Fits a mesh at unit size to silhouettes [views, height, width] bool; gives the loss before each
 # step, for as long as it is asked, and ends where it cannot go on.
@@ -58,8 +59,8 @@ def score_meshes(
         trial: fits a mesh
         progress: is told which share is done, if as many go on as may
     """
-    small, eyes = look_smaller(silhouettes, cameras, SIZE, VIEWS)
-    trials = {name: trial(mesh, eyes, small) for name, mesh in meshes.items()}
+    small, small_cameras = downsample(silhouettes, cameras, SIZE, VIEWS)
+    trials = {name: trial(mesh, small_cameras, small) for name, mesh in meshes.items()}
     losses: dict[str, list[float]] = {name: [] for name in meshes}
     scores: dict[str, Score] = {}
     going = list(meshes)

@@ -1,4 +1,4 @@
-"""Few and small views, in which an initial mesh is tried before it is made."""
+"""Downsampled scenes: few views in small images, for trials of initial meshes."""
 
 from collections.abc import Sequence
 
@@ -9,10 +9,10 @@ import trimesh
 from silmesh.geometry.camera import Cameras
 from silmesh.softras import soft_silhouettes
 
-SHARP = 1e-5  # sigma of a rendering that is thresholded
+SHARP = 1e-5  # sigma of renderings that are thresholded to silhouettes
 
 
-def look_smaller(
+def downsample(
     silhouettes: np.ndarray, cameras: Cameras, size: int, views: int
 ) -> tuple[np.ndarray, Cameras]:
     """At most so many views, spread evenly over all, in images of this size or the given one.

@@ -15,8 +15,8 @@ from scipy.optimize import least_squares
 from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
 from silmesh.geometry.frame import is_cut
 
-PRIOR = 0.02  # weight that holds a length which no view shows at the others' mean
-TOLERANCE = 0.1  # of a mean half-length: residuals far above are of silhouettes that disagree
+PRIOR = 0.02  # weight of a prior that draws a length which no view shows to the others' mean
+TOLERANCE = 0.1  # of a mean half-length: larger residuals are weighted down as outliers
 
 
 @dataclass(frozen=True)
@@ -43,9 +43,9 @@ def find_ellipsoid(silhouettes: np.ndarray, cameras: Cameras) -> Ellipsoid:
         silhouettes: [views, height, width] bool
         cameras: of these views, in the normalised world
     """
-    seen = silhouettes.any(axis=(1, 2))
-    whole = seen & ~is_cut(silhouettes)
-    used = np.flatnonzero(whole if whole.sum() >= 2 else seen)
+    shown = silhouettes.any(axis=(1, 2))
+    whole = shown & ~is_cut(silhouettes)
+    used = np.flatnonzero(whole if whole.sum() >= 2 else shown)
     centres, shapes = _moments(silhouettes[used], np.linalg.inv(cameras.K.numpy()[used]))
     R, t = cameras.R.numpy()[used], cameras.t.numpy()[used]
     start = _start(centres, shapes, R, t)
@@ -56,8 +56,8 @@ def find_ellipsoid(silhouettes: np.ndarray, cameras: Cameras) -> Ellipsoid:
         centre, half = x[:3], _lower(x[3:])
         m, E = _outlines(centre, half @ half.T, R, t)
         off, form = (m - centres) / scale, (E - shapes) / scale**2
-        seen = np.concatenate([off, form[:, [0, 0, 1], [0, 1, 1]]], axis=1).ravel()
-        return np.concatenate([seen, PRIOR * (x - start) / unit])
+        data = np.concatenate([off, form[:, [0, 0, 1], [0, 1, 1]]], axis=1).ravel()
+        return np.concatenate([data, PRIOR * (x - start) / unit])
 
     found = least_squares(residuals, start, loss="cauchy", f_scale=TOLERANCE)
     half = _lower(found.x[3:])

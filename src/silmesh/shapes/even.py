@@ -11,11 +11,11 @@ from scipy.spatial import cKDTree
 from silmesh.geometry.edges import number_edges
 from silmesh.geometry.remeshing import even_length, flip_edges, relax, remesh, split_long
 
-PASSES = 3  # of the remesher at first
-TRIES = 8  # rounds of a pass each to come near the wanted number
-NEAR = 0.96  # of the wanted number, from which on the longest edges are split
-SETTLING = 4  # rounds of flips and relaxation after that
-JITTER = 1e-7  # of an edge: no two edges are then of quite the same length
+PASSES = 3  # passes of the first remeshing
+TRIES = 8  # most further passes, each with a new edge length, to approach the wanted number
+NEAR = 0.96  # share of the wanted number from which the rest comes of splitting longest edges
+SETTLING = 4  # rounds of flips and relaxation at the end
+JITTER = 1e-7  # of an edge: random change by which no two edges have the same length
 
 
 def even_mesh(surface: trimesh.Trimesh, vertices: int) -> trimesh.Trimesh:

@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 
 from silmesh.errors import InputError, name_some
-from silmesh.geometry.camera import FIRST_SCALE, Cameras
+from silmesh.geometry.camera import INITIAL_SCALE, Cameras
 from silmesh.geometry.frame import is_cut
 from silmesh.own_code import call, own_file
 from silmesh.progress import Share, untold
@@ -20,11 +20,11 @@ from silmesh.shapes.downsample import crop
 from silmesh.shapes.primitives import PRIMITIVES, placed_primitive, plain_primitive
 from silmesh.shapes.sphere import unit_sphere
 
-PLACED = (*PRIMITIVES, *CARVED)  # in the world, by all views; what `auto` chooses of
+PLACED = (*PRIMITIVES, *CARVED)  # shapes that all views place in the world; `auto` tries these
 SHAPES = ("sphere", *PLACED, "auto")
-FALLBACK = "ellipsoid"
-LOST = 0.001  # of a carved body's volume in other pieces, from which on a person is told
-NAMED = 5  # views that a warning names
+FALLBACK = "ellipsoid"  # the shape that is taken if a hull is empty
+LOST = 0.001  # share of a carved body's volume in smaller pieces from which to warn
+NAMED = 5  # most views that a warning names
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class Initial:
     """An initial mesh at unit size, and what ``init.json`` says of it."""
 
     mesh: trimesh.Trimesh
-    told: Mapping[str, Any]
+    notes: Mapping[str, Any]
 
 
 def make_initial_mesh(
@@ -69,20 +69,20 @@ def make_initial_mesh(
         scores, warnings = _score(init, silhouettes, cameras, trial, progress)
         shape = next(iter(scores))
     try:
-        mesh, told = _make(init.model_copy(update={"shape": shape}), silhouettes, cameras)
+        mesh, notes = _make(init.model_copy(update={"shape": shape}), silhouettes, cameras)
     except EmptyHull as error:
         shape = FALLBACK
         warnings.append(f"{error}; the initial mesh is the {FALLBACK} instead")
-        mesh, told = _make(init.model_copy(update={"shape": shape}), silhouettes, cameras)
+        mesh, notes = _make(init.model_copy(update={"shape": shape}), silhouettes, cameras)
     described = {
         "asked": init.shape,
         "shape": shape,
         "vertices": len(mesh.vertices),
         "faces": len(mesh.faces),
         "genus": 1 - mesh.euler_number // 2,
-        **told,
+        **notes,
         "scores": {name: asdict(score) for name, score in scores.items()},
-        "warnings": [*warnings, *_warnings(told, silhouettes, cameras)],
+        "warnings": [*warnings, *_warnings(notes, silhouettes, cameras)],
     }
     return Initial(mesh, described)
 
@@ -98,11 +98,11 @@ def _make(
             mesh.vertices = align_to_box(mesh.vertices, silhouettes[0])
         return mesh, {}
     vertices = choose_count(silhouettes) if counted else init.vertices
-    told = {}
+    notes = {}
     if init.shape in CARVED:
         carved = CARVED[init.shape](silhouettes, cameras, vertices, init.genus)
         mesh = carved.mesh
-        told = {name: getattr(carved, name) for name in ("tolerated", "pieces", "lost")}
+        notes = {name: getattr(carved, name) for name in ("tolerated", "pieces", "lost")}
     elif own_file(init.shape):
         given = None if counted else init.vertices
         mesh = _take(init.shape, call(init.shape, silhouettes, cameras, given))
@@ -111,9 +111,9 @@ def _make(
     else:
         mesh = placed_primitive(init.shape, vertices, silhouettes, cameras)
     if init.align == "none":
-        return to_unit(mesh), told
-    mesh.apply_scale(FIRST_SCALE)
-    return mesh, told
+        return to_unit(mesh), notes
+    mesh.apply_scale(INITIAL_SCALE)
+    return mesh, notes
 
 
 def _take(shape: str, made: Any) -> trimesh.Trimesh:
@@ -147,17 +147,17 @@ def _score(
     return score_meshes(meshes, silhouettes, cameras, trial, progress), warnings
 
 
-def _warnings(told: Mapping[str, Any], silhouettes: np.ndarray, cameras: Cameras) -> list[str]:
+def _warnings(notes: Mapping[str, Any], silhouettes: np.ndarray, cameras: Cameras) -> list[str]:
     """What a person should know of the views and the pieces, in sentences."""
     found = []
-    if told.get("lost", 0) > LOST:
+    if notes.get("lost", 0) > LOST:
         found.append(
-            f"the body comes in {told['pieces']} pieces; the largest is kept, the others are "
-            f"{told['lost']:.1%} of the volume"
+            f"the body comes in {notes['pieces']} pieces; the largest is kept, the others are "
+            f"{notes['lost']:.1%} of the volume"
         )
-    if told.get("tolerated"):
+    if notes.get("tolerated"):
         found.append(
-            f"the hull lets {told['tolerated']} of {len(cameras)} views disagree: of all views it "
+            f"the hull lets {notes['tolerated']} of {len(cameras)} views disagree: of all views it "
             "would not fill the silhouettes"
         )
     cut = [view for view, is_it in zip(cameras.views, is_cut(silhouettes), strict=True) if is_it]

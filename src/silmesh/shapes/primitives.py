@@ -14,16 +14,16 @@ import trimesh
 
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.overlap import mean_iou
-from silmesh.shapes.downsample import look_smaller, render
+from silmesh.shapes.downsample import downsample, render
 from silmesh.shapes.ellipsoid import Ellipsoid, find_ellipsoid
 from silmesh.shapes.even import even_mesh
 from silmesh.shapes.sphere import unit_sphere
 
-POWERS = (8.0, 4.0, 2.5)  # what p may be; the first where no silhouettes choose
-ROUNDS = 3  # of making the placed shape's silhouettes have the given ones' moments
-FINER = 4  # times as many vertices as are wanted, before these are spread evenly
-SIZE, VIEWS, VERTICES = 96, 18, 400  # of the looks in which placements are tried
-TURNS = 6  # placements of a cube about the upright axis
+POWERS = (8.0, 4.0, 2.5)  # values of p that are tried; the first is taken without silhouettes
+ROUNDS = 3  # iterations that match the moments of a shape's silhouettes to the given ones
+FINER = 4  # times the wanted vertices, of the fine surface that is remeshed to even triangles
+SIZE, VIEWS, VERTICES = 96, 18, 400  # pixels a side, views and vertices of trial placements
+TURNS = 6  # rotations of a cube about the upright axis that are tried
 
 
 def _cylinder(verts: np.ndarray, power: float) -> np.ndarray:
@@ -35,7 +35,7 @@ def _cube(verts: np.ndarray, power: float) -> np.ndarray:
     return (np.abs(verts) ** power).sum(axis=1) ** (1 / power)
 
 
-class _Placed(NamedTuple):
+class _Candidate(NamedTuple):
     """A primitive where the silhouettes are.
 
     Attributes:
@@ -102,17 +102,17 @@ def placed_primitive(
         cameras: of these views, in the normalised world
     """
     target = find_ellipsoid(silhouettes, cameras)
-    seen, eyes = look_smaller(silhouettes, cameras, SIZE, VIEWS)
+    small, small_cameras = downsample(silhouettes, cameras, SIZE, VIEWS)
     sharpest, *rounder = PRIMITIVES[shape].powers
 
-    def place(axes: np.ndarray, power: float) -> _Placed:
-        return _place(shape, power, axes, target, seen, eyes)
+    def match(axes: np.ndarray, power: float) -> _Candidate:
+        return _match_moments(shape, power, axes, target, small, small_cameras)
 
     best = max(
-        (place(axes, sharpest) for axes in _directions(shape, target, cameras)),
+        (match(axes, sharpest) for axes in _directions(shape, target, cameras)),
         key=attrgetter("iou"),
     )
-    best = max([best, *(place(best.axes, power) for power in rounder)], key=attrgetter("iou"))
+    best = max([best, *(match(best.axes, power) for power in rounder)], key=attrgetter("iou"))
     fine = unit_primitive(shape, FINER * vertices, best.power)
     fine.apply_transform(best.to_world)
     return even_mesh(fine, vertices)
@@ -137,14 +137,14 @@ def _directions(shape: str, target: Ellipsoid, cameras: Cameras) -> Iterable[np.
         yield np.stack([x, up, np.cross(x, up)], axis=1)
 
 
-def _place(
+def _match_moments(
     shape: str,
     power: float,
     axes: np.ndarray,
     target: Ellipsoid,
     silhouettes: np.ndarray,
     cameras: Cameras,
-) -> _Placed:
+) -> _Candidate:
     """Stretch, turn and move a primitive until its silhouettes have the target's moments."""
     unit, size = unit_primitive(shape, VERTICES, power), silhouettes.shape[1:]
     to_world = _matrix(axes, target.lengths(axes), target.centre)
@@ -157,7 +157,7 @@ def _place(
         lengths *= target.lengths(axes) / found.lengths(axes)
         to_world = _matrix(axes, lengths, to_world[:3, 3] + target.centre - found.centre)
         rendered = render(unit.copy().apply_transform(to_world), cameras, size)
-    return _Placed(mean_iou(rendered, silhouettes), power, axes, to_world)
+    return _Candidate(mean_iou(rendered, silhouettes), power, axes, to_world)
 
 
 def _matrix(axes: np.ndarray, lengths: np.ndarray, centre: np.ndarray) -> np.ndarray:

@@ -13,8 +13,8 @@ from scipy.spatial import ConvexHull
 
 from silmesh.errors import InputError
 
-FEWEST = 12  # vertices that still make a sphere
-RELAXATIONS = 2  # rounds: the Laplacian of the sphere falls to a third; more hardly change a fit
+FEWEST = 12  # least number of vertices of a sphere
+RELAXATIONS = 2  # they cut the sphere's Laplacian loss to a third; more hardly change a fit
 
 
 def unit_sphere(vertices: int) -> trimesh.Trimesh:

@@ -4,8 +4,8 @@ A source is a module with ``find(image, view, mask)``: the working image (RGB, o
 photograph has an alpha channel), its ``View``, and the path of its mask file or None. It gives
 [size, size] bool. One with a network, which is loaded once and may look at all views before it
 decides, has ``find_all(views, settings, threads)`` instead and gives them in turn; it is imported
-only when it is asked for. On disk a silhouette is what the report defines: RGBA, alpha 255 and grey
-124 on the object, zero elsewhere.
+only when it is asked for. ``own`` calls a function of a person's own. On disk a silhouette is what
+the report defines: RGBA, alpha 255 and grey 124 on the object, zero elsewhere.
 """
 
 import json
@@ -20,6 +20,7 @@ from PIL import Image
 
 from silmesh.errors import InputError
 from silmesh.files import making
+from silmesh.own_code import own_file
 from silmesh.settings.silhouettes import Networks
 from silmesh.silhouettes import alpha, mask
 from silmesh.views import ImageFolder, View
@@ -35,10 +36,10 @@ def _find_by_threshold(image: Image.Image, view: View, file: Path | None) -> np.
 SOURCES = {"mask": mask.find, "alpha": alpha.find, "threshold": _find_by_threshold}
 NETWORKS = tuple(Networks.model_fields)  # each the module of its name, with `find_all`
 GIVEN = ("mask", "alpha")  # sources that a person made
-GREY = 124
-LOST = "lost.json"  # which silhouettes are empty because something could not be read, if any are
-FEWEST = 2  # views with a silhouette
-AROUND = 0.7  # of a photograph's border: a mask of a person's that covers more is inverted
+GREY = 124  # grey level of the object in a silhouette's file
+LOST = "lost.json"  # names views whose silhouette is empty since a file could not be read
+FEWEST = 2  # least number of views with a silhouette
+AROUND = 0.7  # a given mask that covers more of the photograph's border counts as inverted
 HINTS = {
     "mask": ", white in its mask",
     "alpha": " and be opaque there, more than 127 of 255",
@@ -77,7 +78,7 @@ def find_silhouettes(
     """Find the silhouette of every view.
 
     Args:
-        source: a key of ``SOURCES`` or one of ``NETWORKS``
+        source: a key of ``SOURCES``, one of ``NETWORKS``, or ``path/to/file.py:function``
         views: the views, in order
         images: their working images
         masks: the views' mask files in the same order, or none
@@ -165,6 +166,10 @@ def _find_each(
     if source in NETWORKS:  # torch and torchvision take seconds to import
         network = import_module(f"silmesh.silhouettes.{source}")
         found = network.find_all(readable, settings, threads)
+    elif own_file(source):
+        from silmesh.silhouettes import own
+
+        found = own.find_all(readable, source)
     else:
         pairs = zip(views, files, strict=True)
         found = (_find(source, view, images, f) for view, f in pairs if not view.unreadable)

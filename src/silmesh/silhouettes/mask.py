@@ -9,18 +9,21 @@ from PIL import Image, ImageFilter
 from silmesh.errors import InputError, name_some
 from silmesh.views import View, read_image
 
-TRIED = 8  # masks, spread over all, of which the values are looked at before any work
-LOOKED_AT = 512  # pixels of a mask's longer side that its values are counted in, at most
-FEW = 64  # values, at most, of which each stands for itself; of more some are noise or soft edges
-ALIKE = 1 / 10  # of the range of more than FEW values: nearer ones are one value with noise
-# Flat pixels have just their own value around them. A value stands for something if so many do:
-PART = 0.02  # of those that have not the commonest value: fewer are a seam between two others
-SEEN = 1e-3  # of all flat pixels
-MUCH = 0.15  # as PART, for a value near the lowest or highest, where compression leaves flat blocks
-WIDE = 4  # pixels around one that are alike in the midst of a region
-WHOLE = 1 / 4  # of a value's flat pixels that lie in the midst of a region, if it fills regions
-GREY = 1 / 3  # of what is not background: more that is between two values is no soft edge
-NAMED = 5  # values, at most, in a message
+TRIED = 8  # masks, spread over all, whose values are checked before any work
+LOOKED_AT = 512  # pixels: a mask with a longer side is subsampled before its values are counted
+FEW = 64  # up to so many values are all distinct; among more, some are noise or soft edges
+ALIKE = 1 / 10  # among more than FEW values, those nearer than this share of the range are one
+# A flat pixel has the same value as all its neighbours. A value counts as one of the mask's if its
+# flat pixels are at least PART of those without the commonest value (fewer are a seam between two
+# others) and SHOWN of all flat pixels.
+PART = 0.02
+SHOWN = 1e-3
+# PART for a value near the lowest or the highest one, where compression leaves flat blocks.
+MUCH = 0.15
+WIDE = 4  # pixels: a pixel is inside a region if all pixels up to this distance have its value
+WHOLE = 1 / 4  # a value fills regions if at least this share of its flat pixels is inside one
+GREY = 1 / 3  # of the pixels that are not background: if more lie between two values, refuse them
+NAMED = 5  # most values that a message lists
 
 
 class SeveralValuesError(InputError):
@@ -50,7 +53,7 @@ def find(image: Image.Image, view: View, mask: Path | None) -> np.ndarray:
     low, high = find_levels(np.asarray(brightness), str(mask))
     scale = 255 / (high - low)
     spread = brightness.point([min(max(round((v - low) * scale), 0), 255) for v in range(256)])
-    return np.asarray(view.place(spread, Image.Resampling.BILINEAR)) > 127
+    return np.asarray(view.into_square(spread, Image.Resampling.BILINEAR)) > 127
 
 
 def refuse_labels(files: Sequence[Path]) -> None:
@@ -146,7 +149,7 @@ def _group(counts: np.ndarray, reach: int) -> dict[int, int]:
         found[value] = int(counts[around].sum())
         counts[around] = 0
     total = sum(found.values())
-    least = max(PART * (total - max(found.values(), default=0)), SEEN * total)
+    least = max(PART * (total - max(found.values(), default=0)), SHOWN * total)
     return {value: count for value, count in found.items() if count >= least}
 
 

@@ -37,7 +37,7 @@ def find_all(
         InputError: the weights or a photograph cannot be used
     """
     for view, alpha in zip(views, find_alphas(views, settings, threads or 1), strict=True):
-        yield np.asarray(view.place(alpha, Image.Resampling.BILINEAR)) > 127
+        yield np.asarray(view.into_square(alpha, Image.Resampling.BILINEAR)) > 127
 
 
 def find_alphas(

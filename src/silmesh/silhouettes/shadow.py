@@ -10,17 +10,19 @@ object's is a step, a contact shadow's a slope, wider than the window that it is
 import numpy as np
 from scipy import ndimage
 
-DARK = 60  # grey levels of the ground; on a darker one no shadow stands out
-LEAST = 0.35  # of the ground's brightness: a contact shadow is no darker
-COLOUR = (0.015, 0.03)  # by which the ratios of channels differ: noise, and a part of the ratio
-STEP = 4.5  # pixels over which a step rises at most, as the filters below see it
-FLAT = 0.012  # of the ground's brightness a pixel: no slope to be judged
-WINDOW = 9  # pixels: how far around a pixel its slope is compared to what it rises in all
-GAP = 3  # pixels: so near a step nothing passes, through an outline with gaps of twice that
-HARD = 0.2  # of a shadow's edge to the ground that may be near a step, as beside the object
-ABOVE = 0.1  # of a shadow that may lie higher than the middle of what casts it
-REST = 0.25  # of the silhouette: an object that less is left of is not told from its shadow
-SHARE = 0.01  # of the silhouette: a shadow of less is none
+DARK = 60  # grey levels: on a darker ground no shadow is looked for
+LEAST = 0.35  # least brightness of a contact shadow over that of the ground
+# The ratios of the three channels to the ground's may differ by COLOUR[0], for noise, and COLOUR[1]
+# times their mean.
+COLOUR = (0.015, 0.03)
+STEP = 4.5  # pixels: a rise in brightness over no more than this is a step
+FLAT = 0.012  # of the ground's brightness a pixel: smaller slopes are no step
+WINDOW = 9  # pixels: side of the window in which the whole rise is measured
+GAP = 3  # pixels: steps block this much around them, which closes gaps of twice that in outlines
+HARD = 0.2  # greatest share of a shadow's edge to the ground that is a step, as beside the object
+ABOVE = 0.1  # greatest share of a shadow above the middle of what casts it
+REST = 0.25  # least share of the silhouette that must remain without its shadow
+SHARE = 0.01  # of the silhouette: a smaller shadow is ignored
 
 
 def may_have_shadow(pixels: np.ndarray, ground: np.ndarray, silhouette: np.ndarray) -> bool:

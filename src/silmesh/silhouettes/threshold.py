@@ -10,16 +10,16 @@ from skimage.filters import threshold_otsu
 from silmesh.silhouettes.shadow import find_shadow, may_have_shadow
 from silmesh.views import View, read_photograph
 
-BORDER = 0.02  # of the shorter side: how wide the border is that is taken for background
-ROUNDS = 8  # of the background's fit, each without what lies off the one before
+BORDER = 0.02  # width of the border that is taken for background, over the shorter side
+ROUNDS = 8  # iterations of the fit of the background, each without the outliers of the one before
 CLOSE = 256  # pixels of the longer side: in a smaller picture a soft edge looks like a step
-SPECK = 0.02  # of the object's area: smaller pieces are dropped and smaller holes filled
+SPECK = 0.02  # of the object's area: smaller pieces are dropped, and smaller holes are filled
 
 
 def find(image: Image.Image, view: View, mask: Path | None) -> np.ndarray:
     """Take the pixels that differ from the border's colour by more than the border itself does.
 
-    Without the object's shadow on a plain ground, as far as it is told from the object.
+    The object's shadow on a plain ground is left out, as far as it can be recognised.
     """
     silhouette = np.zeros((view.size, view.size), bool)
     inside = (slice(view.top, view.bottom), slice(view.left, view.right))
@@ -51,7 +51,7 @@ def _drop_shadow(
 def separate(pixels: np.ndarray) -> np.ndarray:
     """Separate an object from a plain background.
 
-    The background is a polynomial of second order in the place, for uneven light, fitted to the
+    The background is a polynomial of second order in the position, for uneven light, fitted to the
     border. A pixel's contrast is its largest difference from that over the channels. The level is
     Otsu's between the background and the object's darkest part, found by applying Otsu's twice (the
     first split may run through the object, between its light and its dark side), and never below
@@ -111,12 +111,12 @@ def find_ground(pixels: np.ndarray) -> np.ndarray:
     y, x = (np.linspace(-1, 1, side) for side in border.shape)
     y, x = np.meshgrid(y, x, indexing="ij")
     terms = np.stack([np.ones_like(x), x, y, x * y, x * x, y * y], axis=-1)
-    there, seen = terms[border], values[border]
-    off = np.abs(seen - np.median(seen, axis=0)).max(axis=-1)
+    there, shown = terms[border], values[border]
+    off = np.abs(shown - np.median(shown, axis=0)).max(axis=-1)
     for _ in range(ROUNDS):
         near = off <= max(np.percentile(off, 60), 2)
-        factors = np.linalg.lstsq(there[near], seen[near], rcond=None)[0]
-        off = np.abs(seen - there @ factors).max(axis=-1)
+        factors = np.linalg.lstsq(there[near], shown[near], rcond=None)[0]
+        off = np.abs(shown - there @ factors).max(axis=-1)
     return terms @ factors
 
 

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from silmesh.softras import cpu, reference
 
-__all__ = ["soft_silhouettes"]
+__all__ = ["check_arguments", "soft_silhouettes"]
 
 
 def soft_silhouettes(
@@ -33,13 +33,25 @@ def soft_silhouettes(
     Raises:
         ValueError: a shape, dtype, device, index or sigma that cannot be rendered
     """
+    size = check_arguments(points, faces, size, sigma)
+    fast = points.device.type == "cpu" and points.dtype == torch.float32
+    return (cpu if fast else reference).soft_silhouettes(points, faces, size, float(sigma))
+
+
+def check_arguments(
+    points: Tensor, faces: Tensor, size: tuple[int, int], sigma: float
+) -> tuple[int, int]:
+    """Height and width, if all that ``soft_silhouettes`` takes can be rendered.
+
+    Raises:
+        ValueError: it cannot
+    """
     size = _check_size(size)
     _check_points(points)
     _check_faces(faces, points)
     if not (math.isfinite(sigma) and sigma > 0):
         raise ValueError(f"sigma should be a positive number, not {sigma}")
-    fast = points.device.type == "cpu" and points.dtype == torch.float32
-    return (cpu if fast else reference).soft_silhouettes(points, faces, size, float(sigma))
+    return size
 
 
 def _check_size(size: tuple[int, int]) -> tuple[int, int]:

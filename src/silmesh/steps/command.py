@@ -15,7 +15,7 @@ from silmesh.settings.check import check
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser whose errors are told as those of the steps are."""
+    """A parser whose errors are reported as those of the steps are."""
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"{self.format_usage()}silmesh: {message}\n")

@@ -26,7 +26,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
     args.add_argument("--initial", type=Path, help="init.json of its initial mesh")
     args.add_argument("--truth", type=Path, help="the true mesh, in the cameras' world")
-    args.add_argument("--align", action="store_true", help="lay the mesh on the truth first")
+    args.add_argument("--align", action="store_true", help="register the mesh with the truth first")
     add_settings(args, Fit, of="its fit")
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument("--results", type=Path, default=Path("results"), help="for relative paths")

@@ -30,7 +30,7 @@ from pathlib import Path
 
 from silmesh.planning.lock import join_run
 
-FIRST = (
+LIBRARIES = (  # are loaded before the first fork
     "pydantic",
     "torch",
     "numba",
@@ -39,10 +39,12 @@ FIRST = (
     "scipy.sparse.linalg",
     "trimesh",
 )
-THEN = ("skimage.measure", "scipy.stats", "matplotlib.figure", "pandas")  # while nobody asks
-NAME = "SILMESH_WARM"  # the variable that says what it answers to
-ALONE = {"OPENBLAS_NUM_THREADS": "1"}  # counts as it is loaded, and the last bits hang on it
-LOOK = 500  # milliseconds between two looks at whether its parent lives
+# Are loaded one by one while no step is asked for.
+LATER_LIBRARIES = ("skimage.measure", "scipy.stats", "matplotlib.figure", "pandas")
+NAME = "SILMESH_FORK_SERVER"  # the environment variable that holds the name of its socket
+# OpenBLAS reads this once, as it is loaded; the last bits of results depend on it.
+ALONE = {"OPENBLAS_NUM_THREADS": "1"}
+LOOK = 500  # milliseconds between two checks that its parent lives
 STREAMS = (0, 1, 2)
 PR_SET_PDEATHSIG = 1  # of prctl(2)
 
@@ -79,7 +81,7 @@ def run_step(step: str, arguments: Sequence[str]) -> int:
 def main() -> None:
     """Load, wait, and be the step in each fork."""
     name, parent = os.environ.pop(NAME), os.getppid()
-    for library in FIRST:
+    for library in LIBRARIES:
         importlib.import_module(library)
     gc.freeze()  # what the forks share is not looked through in them, so not copied
     with socket.socket(socket.AF_UNIX) as listener:
@@ -105,7 +107,7 @@ class _Forks:
 
     def serve(self, parent: int) -> socket.socket | None:
         """Until the parent and all forks have ended; in a fork, its line to who asked for it."""
-        waiting = iter(THEN)
+        waiting = iter(LATER_LIBRARIES)
         while os.getppid() == parent or self._lines:
             events = self._events.poll(LOOK)
             for file, _ in events[:1]:  # one alone: it may undo the next

@@ -30,9 +30,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     shots = [_read(row, given.scene, given.judged) for row in read_table(given.judged)]
     with replacing(given.sheet) as part:
         draw_sheet(shots).save(part, optimize=True)
-    placed = {shot.view for shot in shots}
-    told = read_scene(given.judged)[2]
-    lost = {view: why for view, why in told["dropped"].items() if view not in placed}
+    shown = {shot.view for shot in shots}
+    notes = read_scene(given.judged)[2]
+    lost = {view: why for view, why in notes["dropped"].items() if view not in shown}
     shots += [
         Shot(view, given.views / f"{view}.png", None, None, LOST, why) for view, why in lost.items()
     ]

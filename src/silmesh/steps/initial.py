@@ -29,20 +29,20 @@ def main(argv: Sequence[str] | None = None) -> None:
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)
     scene = load_scene(given.scene)
-    first = make_initial_mesh(
+    initial = make_initial_mesh(
         given.settings,
         scene.silhouettes,
         scene.cameras,
         trial_with(given.trial),
-        share_of(f"first {given.output}"),
-        scene.told["frame"],
+        share_of(f"initial {given.output}"),
+        scene.notes["frame"],
     )
-    for warning in first.told["warnings"]:
+    for warning in initial.notes["warnings"]:
         print(f"silmesh: {given.scene}: {warning}", file=sys.stderr)
     with replacing(given.output) as part:
-        first.mesh.export(part)
+        initial.mesh.export(part)
     with replacing(given.report) as part:
-        part.write_text(json.dumps(first.told, indent=1) + "\n", encoding="utf-8")
+        part.write_text(json.dumps(initial.notes, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

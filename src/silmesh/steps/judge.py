@@ -1,4 +1,4 @@
-"""Judge the silhouettes of a scene, and keep, drop or segment again the doubtful views."""
+"""Find the outliers among the silhouettes of a scene, and keep, drop or segment them again."""
 
 import shutil
 import sys
@@ -46,11 +46,11 @@ def main(argv: Sequence[str] | None = None) -> None:
 
 
 def _write(output: Path, scene: Path, judged: Judged) -> None:
-    """Write the scene anew, with ``quality.csv`` and the doubtful silhouettes as they were."""
+    """Write the new scene, with ``quality.csv`` and the outliers' silhouettes as found."""
     with making(output) as part:
         write_scene(part, judged.scene, scene / VIEWS)
         (part / ORIGINALS).mkdir()
-        for view in judged.scene.told["doubtful"]:
+        for view in judged.scene.notes["doubtful"]:
             shutil.copyfile(scene / SILHOUETTES / f"{view}.png", part / ORIGINALS / f"{view}.png")
         write_table(part, judged.views, judged.decision, judged.colours)
 

@@ -47,9 +47,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     write_mp4(given.mp4, turn)
 
     colours = to_linear(mesh.visual.vertex_colors[:, :3])
-    first = read_mesh(given.initial)
+    initial = read_mesh(given.initial)
     sigma = given.settings.sigma_at(silhouettes.shape[-1])
-    exhibit = describe_exhibit(mesh, colours, first, cameras, similarity, sigma)
+    exhibit = describe_exhibit(mesh, colours, initial, cameras, similarity, sigma)
     with replacing(given.exhibit) as part:
         part.write_text(json.dumps(exhibit) + "\n", encoding="utf-8")
 

@@ -46,8 +46,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     published = plan["configuration"].get("published")
     curves = read_published(Path(published)) if published else {}
     results = {
-        run: _read_result(told, given.results, made, metrics[run], curves)
-        for run, told in zip(folders, plan["runs"], strict=True)
+        key: _read_result(planned, given.results, made, metrics[key], curves)
+        for key, planned in zip(folders, plan["runs"], strict=True)
     }
     keys = dict.fromkeys((r["object"], r["judged"]) for r in plan["runs"])
     galleries = {key: _read_json(made / "galleries" / key[0] / f"{key[1]}.json") for key in keys}
@@ -61,31 +61,33 @@ def main(argv: Sequence[str] | None = None) -> None:
         part.write_text(page, encoding="utf-8")
 
 
-def _folder(results: Path, told: Mapping[str, Any]) -> Path:
-    return results / told["object"] / told["variant"]
+def _folder(results: Path, planned: Mapping[str, Any]) -> Path:
+    return results / planned["object"] / planned["variant"]
 
 
 def _read_result(
-    told: Mapping[str, Any],
+    planned: Mapping[str, Any],
     results: Path,
     made: Path,
     metrics: Mapping[str, Any],
     curves: Mapping[tuple[str, str], pd.DataFrame],
 ) -> Result:
-    object_, variant = told["object"], told["variant"]
-    scene = read_scene(results / object_ / "stages" / "scenes" / told["scene"])[2]
-    judged = read_scene(results / object_ / "stages" / "judged" / told["judged"])[2]
+    object_, variant = planned["object"], planned["variant"]
+    scene = read_scene(results / object_ / "stages" / "scenes" / planned["scene"])[2]
+    judged = read_scene(results / object_ / "stages" / "judged" / planned["judged"])[2]
     world = {key: judged[key] for key in ("centre", "scale")}
     return Result(
         metrics,
-        pd.read_csv(_folder(results, told) / "loss.csv"),
+        pd.read_csv(_folder(results, planned) / "loss.csv"),
         made / "pictures" / object_ / f"{variant}.png",
         _read_json(made / "exhibits" / object_ / f"{variant}.json"),
-        Scene(told["scene"], scene | world, made / "cameras" / object_ / f"{told['scene']}.png"),
-        told["judged"],
-        curves.get((object_, told["published"])),
-        _name_held(metrics, told["holdout"]),
-        _read_seconds(told["stages"]),
+        Scene(
+            planned["scene"], scene | world, made / "cameras" / object_ / f"{planned['scene']}.png"
+        ),
+        planned["judged"],
+        curves.get((object_, planned["published"])),
+        _name_held(metrics, planned["holdout"]),
+        _read_seconds(planned["stages"]),
     )
 
 

@@ -13,7 +13,7 @@ from silmesh.silhouettes import read_lost, read_silhouettes
 from silmesh.steps.command import output_folder, parser, run
 from silmesh.views import read_views
 
-DOUBTFUL = 0.5  # below this hull IoU a person is told before the fit, not only on the page
+INCOHERENT = 0.5  # below this hull IoU there is a warning before the fit, not only on the page
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -37,15 +37,15 @@ def main(argv: Sequence[str] | None = None) -> None:
         read_lost(given.silhouettes),
         list(map(str, given.cameras)),
     )
-    write_scene(given.output, made.scene, given.views, made.straightened)
+    write_scene(given.output, made.scene, given.views, made.undistorted)
     for warning in made.attempt.warnings[len(attempts[made.taken].warnings) :]:
         print(f"silmesh: {warning}", file=sys.stderr)
     if len(attempts) > 1:
-        why = made.scene.told["cameras_because"]
+        why = made.scene.notes["cameras_because"]
         print(f"{given.silhouettes}: cameras from {made.attempt.source} are taken. {why}")
-    if (mean := made.scene.coherence.mean()) < DOUBTFUL:
-        doubtful = made.scene.told["doubtful"]
-        blamed = f", to be doubted first: {', '.join(doubtful)}" if doubtful else ""
+    if (mean := made.scene.coherence.mean()) < INCOHERENT:
+        outliers = made.scene.notes["doubtful"]
+        blamed = f", probable outliers: {', '.join(outliers)}" if outliers else ""
         named = made.attempt.figures.get("file", given.cameras[made.taken])
         print(
             f"warning: {given.silhouettes} and {named} hardly agree: hull IoU "

@@ -1,12 +1,14 @@
 """Find the silhouette of every view."""
 
+import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from silmesh.errors import InputError
 from silmesh.progress import Progress
-from silmesh.settings.silhouettes import Networks
-from silmesh.silhouettes import NETWORKS, SOURCES, write_silhouettes
+from silmesh.settings.silhouettes import Networks, check_source
+from silmesh.silhouettes import write_silhouettes
 from silmesh.steps.command import add_settings, output_folder, parser, run
 from silmesh.views import read_views
 
@@ -15,7 +17,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Parse, load, call, save."""
     args = parser(__doc__)
     args.add_argument("--views", type=Path, required=True, help="folder of the working images")
-    args.add_argument("--source", choices=[*SOURCES, *NETWORKS], required=True)
+    args.add_argument("--source", type=_source, required=True, help="as in the table")
     args.add_argument("--masks", nargs="*", type=Path, default=[], help="files, a view each")
     add_settings(args, Networks, of="the networks")
     args.add_argument("--threads", type=int, help="of a network")
@@ -38,6 +40,14 @@ def main(argv: Sequence[str] | None = None) -> None:
     )
     for wrong in spared:
         print(f"silmesh: {wrong}", file=sys.stderr)
+
+
+def _source(name: str) -> str:
+    """The type of the argument that names the source."""
+    try:
+        return check_source(name)
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
 
 
 if __name__ == "__main__":

@@ -133,7 +133,7 @@ def attempt_from_file(path: Path, views: Sequence[View]) -> Attempt:
             worlds = {located.path.name: worlds}
         for cameras in worlds.values():
             _refuse_extreme(located.path, cameras)
-    cameras, told = choose_world(located.path, worlds, views)
+    cameras, warnings = choose_world(located.path, worlds, views)
     attempt = match(located.path, cameras, views, format_.rules)
     figures = {
         "format": format_.name,
@@ -141,7 +141,7 @@ def attempt_from_file(path: Path, views: Sequence[View]) -> Attempt:
         "cameras": len(cameras),
         "written": format_.written,
     }
-    return replace(attempt, figures=figures, warnings=(*told, *attempt.warnings))
+    return replace(attempt, figures=figures, warnings=(*warnings, *attempt.warnings))
 
 
 def _refuse_extreme(path: Path, cameras: Cameras) -> None:

@@ -45,12 +45,14 @@ def match(path: Path, cameras: Cameras, views: Sequence[View], rules: Rules) -> 
             them mirror and others do not
     """
     cameras, mirrored = right_handed(path, cameras)
-    places = _by_order(path, cameras, views) if rules.by_order else _by_name(path, cameras, views)
-    kept = [i for i, place in enumerate(places) if place is not None]
+    positions = (
+        _by_order(path, cameras, views) if rules.by_order else _by_name(path, cameras, views)
+    )
+    kept = [i for i, position in enumerate(positions) if position is not None]
     dropped = {v.view: f"{path} has no camera for it" for i, v in enumerate(views) if i not in kept}
     warnings = _tell_dropped(path, dropped, len(views))
     views = [views[i] for i in kept]
-    cameras = cameras.select([places[i] for i in kept])
+    cameras = cameras.select([positions[i] for i in kept])
     doubt = _doubt_centres(path, cameras, views)
     sizes = [tuple(size) for size in cameras.sizes.tolist()]
     warnings += _tell_scaled(path, sizes, views, rules.working)
@@ -85,9 +87,9 @@ def right_handed(path: Path, cameras: Cameras) -> tuple[Cameras, bool]:
         return cameras.in_mirrored_world(), True
     rare = mirrors if mirrors.sum() * 2 <= len(cameras) else ~mirrors
     which = [i for i, own in enumerate(rare.tolist()) if own]
-    told = "det R = -1, so it mirrors" if rare is mirrors else "det R = +1, so it does not mirror"
+    sign = "det R = -1, so it mirrors" if rare is mirrors else "det R = +1, so it does not mirror"
     raise InputError(
-        f"{path}: frame or camera {which[0]} ({cameras.views[which[0]]}): {told}: one axis of the "
+        f"{path}: frame or camera {which[0]} ({cameras.views[which[0]]}): {sign}: one axis of the "
         f"camera or of the world is negated in {len(which)} of {len(cameras)} cameras "
         f"({_some([cameras.views[i] for i in which])}) and not in the others; all should see one "
         "world"
@@ -105,30 +107,32 @@ def _by_order(path: Path, cameras: Cameras, views: Sequence[View]) -> list[int |
 
 def _by_name(path: Path, cameras: Cameras, views: Sequence[View]) -> list[int | None]:
     """The position of each view's camera, or None."""
-    places = find_places(cameras.views, views)
-    for view, place in zip(views, places, strict=True):
-        if len(place) > 1:
-            names = _some([cameras.views[i] for i in place])
+    positions = find_positions(cameras.views, views)
+    for view, position in zip(views, positions, strict=True):
+        if len(position) > 1:
+            names = _some([cameras.views[i] for i in position])
             raise InputError(
-                f"{path}: has {len(place)} cameras for the view {view.view!r}: {names}; names "
+                f"{path}: has {len(position)} cameras for the view {view.view!r}: {names}; names "
                 "should differ in more than their folder and ending, or the folders be those of "
                 "the photographs"
             )
-    _refuse_few(path, cameras, views, [place for place in places if place])
-    return [place[0] if place else None for place in places]
+    _refuse_few(path, cameras, views, [position for position in positions if position])
+    return [position[0] if position else None for position in positions]
 
 
-def find_places(names: Sequence[str], views: Sequence[View]) -> list[list[int]]:
+def find_positions(names: Sequence[str], views: Sequence[View]) -> list[list[int]]:
     """The positions of the names that may be each view's: one, unless folders do not tell."""
     known: dict[str, list[int]] = {}
     for i, name in enumerate(names):
         file = PureWindowsPath(name)  # whose folders may be written in the manner of any system
         for stem in {file.name, file.stem}:
             known.setdefault(stem, []).append(i)
-    return [_find_places(names, known, view) for view in views]
+    return [_find_positions(names, known, view) for view in views]
 
 
-def _find_places(names: Sequence[str], known: Mapping[str, Sequence[int]], view: View) -> list[int]:
+def _find_positions(
+    names: Sequence[str], known: Mapping[str, Sequence[int]], view: View
+) -> list[int]:
     found = sorted({i for stem in _stems_of(view) for i in known.get(stem, ())})
     if len(found) < 2:
         return found
@@ -197,7 +201,7 @@ def choose_world(
 
 
 def _count_matched(cameras: Cameras, views: Sequence[View]) -> int:
-    return sum(bool(places) for places in find_places(cameras.views, views))
+    return sum(bool(positions) for positions in find_positions(cameras.views, views))
 
 
 def _refuse_few(path: Path, cameras: Cameras, views: Sequence[View], found: Sequence) -> None:

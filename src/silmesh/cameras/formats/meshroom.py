@@ -136,15 +136,15 @@ def _parse_intrinsics(
             f"{', '.join(filter(None, LENSES))}. Other ones are undistorted by Meshroom's "
             "ImageProcessing or PrepareDenseScene, whose images and cameras can be read"
         )
-    model, places = LENSES[kind]
+    model, indices = LENSES[kind]
     values = row.get("distortionParams") or []
     if not isinstance(values, list):
         raise InputError(f"{where}: distortionParams should be a list, not {shorten(values)}")
     values = numbers(values, (len(values),), f"{where}: distortionParams").tolist()
-    if len(values) <= max((p for p in places if p is not None), default=-1):
+    if len(values) <= max((p for p in indices if p is not None), default=-1):
         values = [0.0] * 5  # a lens that was never estimated
     with blaming(where):
-        lens = lens_of(model, [0.0 if p is None else values[p] for p in places])
+        lens = lens_of(model, [0.0 if p is None else values[p] for p in indices])
     if kind == "radialk3pt":  # scaled to keep the point at radius 1 in its place
         if not (scale := 1 + sum(values[:3])) > 0:
             raise InputError(f"{where}: a lens of {values[:3]} folds the image over")
@@ -155,8 +155,8 @@ def _parse_intrinsics(
 def _refuse_strange(row: Row, kind: str, where: str) -> None:
     """Refuse more of a lens than its kind has: other terms, or an undistortion beside it."""
     values = row.get("distortionParams")
-    places = LENSES.get(kind, ("", ()))[1]
-    terms = 1 + max((place for place in places if place is not None), default=-1)
+    indices = LENSES.get(kind, ("", ()))[1]
+    terms = 1 + max((index for index in indices if index is not None), default=-1)
     extra = values[terms:] if isinstance(values, list) and kind in LENSES else []
     other = str(row.get("undistortionType") or "none").lower()
     if other != "none" or any(_says_something(value) for value in extra):

@@ -293,8 +293,8 @@ def _turn(camera: Camera, element: Element, sizes: Sizes, where: str) -> Camera:
         raise InputError(f"{where}: orientation should be 1, 3, 6 or 8, not {word[:80]!r}")
     lying = word in ("6", "8")
     turned = camera.size[::-1] if lying else camera.size
-    seen = sizes.of(camera.name)
-    if word == "1" or (lying and not is_scaled(turned, seen) and is_scaled(camera.size, seen)):
+    own = sizes.of(camera.name)
+    if word == "1" or (lying and not is_scaled(turned, own) and is_scaled(camera.size, own)):
         return camera  # the photograph was never turned
     if camera.K[0, 1]:
         raise InputError(f"{where}: skew and an orientation of {word} cannot be read together")

@@ -40,7 +40,7 @@ from silmesh.reading import read_json
 from silmesh.views import View
 
 WHOLE = 1e-6  # by which twice a principal point may differ from a whole number of pixels
-SAME = 0.02  # by which a width that is told may differ from the photograph's own
+SAME = 0.02  # by which a width in the file may differ from the photograph's own
 NEEDED = ("file_path", "transform_matrix")  # of each frame
 NARROWEST = 1e-6  # radians across a photograph
 LENS = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", "s1", "s2", "omega")
@@ -95,7 +95,7 @@ def _parse(frame: Mapping[str, Any], where: str, sizes: Sizes) -> Camera:
 
 
 def _parse_size(frame: Mapping[str, Any], own: tuple[int, int], where: str) -> tuple[int, int]:
-    """Width and height that a frame's pixels are of; UNSAID if it is not told.
+    """Width and height that a frame's pixels are of; UNSAID if it is not given.
 
     Where w and h are missing, fl_x beside camera_angle_x tells the width, and a principal point in
     the middle of another size of the photograph's aspect tells that size.
@@ -110,8 +110,8 @@ def _parse_size(frame: Mapping[str, Any], own: tuple[int, int], where: str) -> t
         height = width * own[1] / own[0]
     elif any(abs(side - round(side)) > WHOLE for side in (width, height)):
         return UNSAID
-    told = round(width), round(height)
-    return told if is_scaled(told, own) and abs(told[0] / own[0] - 1) > SAME else UNSAID
+    size = round(width), round(height)
+    return size if is_scaled(size, own) and abs(size[0] / own[0] - 1) > SAME else UNSAID
 
 
 def _number(frame: Mapping[str, Any], key: str, where: str, default: float) -> float:

@@ -46,11 +46,11 @@ def read(path: Path, views: Sequence[View]) -> Cameras:
             f"{cut(', '.join(sorted(values)[:4]), 200) or 'nothing'}"
         )
     matrices = []
-    for place, (i, name) in enumerate(numbered):
+    for position, (i, name) in enumerate(numbered):
         P = _rows(values[name], 4, f"{path}: {name}")
         if f"camera_mat_{i}" in values and _is_bare(P, f"{path}: {name}"):
             camera = _rows(values[f"camera_mat_{i}"], 3, f"{path}: camera_mat_{i}")
-            P = _to_pixels(camera, views[min(place, len(views) - 1)]) @ P
+            P = _to_pixels(camera, views[min(position, len(views) - 1)]) @ P
         matrices.append(to_half(P))
     return gather(cameras_of(matrices, [name for _, name in numbered], path))
 

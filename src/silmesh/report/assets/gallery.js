@@ -3,9 +3,9 @@
 
 silmesh.FATES = {
   good: "good",
-  kept: "doubtful, kept",
-  repaired: "doubtful, repaired",
-  dropped: "doubtful, dropped",
+  kept: "outlier, kept",
+  repaired: "outlier, repaired",
+  dropped: "outlier, dropped",
   lost: "no camera, left out",
 };
 

@@ -110,19 +110,19 @@ silmesh.Viewer = class {
   // What a choice, "<run> <fitted, first or truth>", shows: a scene, made once for each look.
   async pane(choice) {
     const [run, what] = choice.split(" ");
-    const told = this.data.runs[run];
+    const shown = this.data.runs[run];
     const geometry = await this.load(what === "truth" ? `truth-${this.object}` : `mesh-${this.object}-${run}-${what}`);
     const scene = new THREE.Scene();
     const upright = new THREE.Group();
     upright.matrixAutoUpdate = false;
-    upright.matrix.copy(this.stand(told));
+    upright.matrix.copy(this.stand(shown));
     const placed = new THREE.Group();
     placed.matrixAutoUpdate = false;
     placed.matrix.copy(geometry.matrix);
-    if (what === "truth") placed.matrix.premultiply(new THREE.Matrix4().fromArray(told.placed));
+    if (what === "truth") placed.matrix.premultiply(new THREE.Matrix4().fromArray(shown.placed));
     placed.add(...this.looks(geometry.shape));
     upright.add(placed);
-    if (this.switches.cameras.checked) upright.add(this.frusta(told));
+    if (this.switches.cameras.checked) upright.add(this.frusta(shown));
     scene.add(upright, new THREE.AmbientLight(0xffffff, 1.1));
     const lights = [[-0.45, 0.9, 0.6, 2.1], [0.8, -0.1, 0.6, 0.8]].map(([x, y, z, strength]) => {
       const light = new THREE.DirectionalLight(0xffffff, strength);
@@ -131,7 +131,7 @@ silmesh.Viewer = class {
       return light;
     });
     const faces = geometry.shape.index.count / 3;
-    const name = what === "truth" ? "the truth" : `${told.variant}, ${what === "first" ? "initial mesh" : "fitted mesh"}`;
+    const name = what === "truth" ? "the truth" : `${shown.variant}, ${what === "first" ? "initial mesh" : "fitted mesh"}`;
     return { scene, lights, says: `${name}: ${faces.toLocaleString("en")} triangles` };
   }
 
@@ -162,23 +162,23 @@ silmesh.Viewer = class {
   }
 
   // From the run's world to the one that is shown: up along y, the first camera towards z.
-  stand(told) {
-    const up = new THREE.Vector3(...told.up);
-    const back = new THREE.Vector3(...told.ahead).negate();
+  stand(run) {
+    const up = new THREE.Vector3(...run.up);
+    const back = new THREE.Vector3(...run.ahead).negate();
     const aside = new THREE.Vector3().crossVectors(up, back);
     return new THREE.Matrix4().makeBasis(aside, up, back).transpose();
   }
 
-  frusta(told) {
-    const { apexes, corners, views } = told.cameras;
-    const gallery = this.data.galleries[told.gallery];
-    const doubtful = new Set(gallery.views.filter((view) => view.doubt).map((view) => view.name));
+  frusta(run) {
+    const { apexes, corners, views } = run.cameras;
+    const gallery = this.data.galleries[run.gallery];
+    const outliers = new Set(gallery.views.filter((view) => view.doubt).map((view) => view.name));
     const [first, last] = [new THREE.Color(0x2b8ad6), new THREE.Color(0xe66e00)];
     const points = [];
     const colours = [];
     apexes.forEach((apex, i) => {
       const mixed = first.clone().lerp(last, i / Math.max(apexes.length - 1, 1));
-      const colour = doubtful.has(views[i]) ? new THREE.Color(0xc82828) : mixed;
+      const colour = outliers.has(views[i]) ? new THREE.Color(0xc82828) : mixed;
       corners[i].forEach((corner, k) => {
         for (const point of [apex, corner, corner, corners[i][(k + 1) % 4]]) {
           points.push(...point);

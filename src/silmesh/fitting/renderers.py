@@ -1,0 +1,65 @@
+"""The renderer of a fit, by its name.
+
+A renderer is a name in ``silmesh.settings.fit`` and the module of that name in ``silmesh.softras``,
+with a function ``soft_silhouettes``, or ``path/to/file.py:function`` of a person's own.
+"""
+
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from silmesh.errors import InputError
+from silmesh.own_code import ask, load, own_file
+from silmesh.settings.fit import AUTO
+from silmesh.softras import check_arguments, soft_silhouettes
+
+Renderer = Callable[..., Tensor]  # of points, faces, size and sigma, as soft_silhouettes is
+
+
+def find_renderer(name: str) -> Renderer:
+    """What renders soft silhouettes, as ``soft_silhouettes`` does, under a name.
+
+    Args:
+        name: ``auto``, which is ``soft_silhouettes``; a module of ``silmesh.softras``; or
+            ``path/to/file.py:function``
+
+    Raises:
+        InputError: there is no such function of a person's own, or, as it renders, it fails or
+            gives something else
+    """
+    if name == AUTO:
+        return soft_silhouettes
+    own = load(name) if own_file(name) else None
+    render = own or import_module(f"silmesh.softras.{name}").soft_silhouettes
+
+    def checked(
+        points: Tensor, faces: Tensor, size: tuple[int, int], sigma: float = 1e-4
+    ) -> Tensor:
+        size = check_arguments(points, faces, size, sigma)
+        if own is None:
+            return render(points, faces, size, float(sigma))
+        alpha = ask(name, own, points, faces, size, float(sigma))
+        _refuse_other(name, alpha, points, size)
+        return alpha
+
+    return checked
+
+
+def _refuse_other(name: str, alpha: Any, points: Tensor, size: tuple[int, int]) -> None:
+    """Refuse what a person's own renderer gives if it is no alpha of these points."""
+    shape = (len(points), *size)
+    if not isinstance(alpha, Tensor):
+        gives = type(alpha).__name__
+    elif (alpha.shape, alpha.dtype, alpha.device) != (shape, points.dtype, points.device):
+        gives = f"{alpha.dtype} {list(alpha.shape)} on {alpha.device}"
+    elif points.requires_grad and torch.is_grad_enabled() and not alpha.requires_grad:
+        gives = "what has no gradient with respect to the points"
+    else:
+        return
+    raise InputError(
+        f"{name}: gives {gives}; should give alpha, {points.dtype} {list(shape)} on "
+        f"{points.device}, differentiable with respect to the points"
+    )
