@@ -31,7 +31,7 @@ from stress_table import tabulate
 
 from silmesh.errors import InputError
 from silmesh.evaluation.ground_truth import compare_to_truth
-from silmesh.evaluation.registration import align
+from silmesh.evaluation.registration import register
 from silmesh.files import replacing
 from silmesh.fitting.loop import run
 from silmesh.fitting.softras import SoftRas
@@ -140,7 +140,7 @@ def measure_mesh(case: Case, mesh: trimesh.Trimesh | None, calibrated: bool) -> 
     if mesh is None or not len(mesh.faces):
         return {"iou": 0.0, "iou_min": 0.0, "volume_iou": 0.0, "chamfer": None, "pieces": 0}
     if calibrated:
-        laid = align(mesh, case.truth).apply(mesh.vertices)
+        laid = register(mesh, case.truth).apply(mesh.vertices)
         mesh = trimesh.Trimesh(laid, mesh.faces, process=False)
     seen = silhouettes(mesh, case.cameras)
     values = []
