@@ -34,11 +34,10 @@ def reconstruct(folder: Path, made: Path) -> dict:
     return {
         "verdict": "doubtful" if doubts else "good",
         "said": "\n".join([describe(made, metrics, doubts), *doubts]),
-        "named": name_wrong(result.scene.told),
+        "named": name_wrong(result.scene.describe()),
         "iou_given": metrics["iou_mean"],
         "hull_iou": metrics["hull_iou_mean"],
-        "initial": {key: result.initial.told.get(key) for key in ("shape", "pieces", "lost")},
-        "warnings": list(result.initial.told["warnings"]),
+        "initial": metrics["first"],
         "seconds": seconds,
     }
 
