@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 from stress_cases import DAMAGES, damage_case, make_clean, name_cell, write_case
+from stress_worker import reconstruct
 from volumes import cast
 
 import silmesh
@@ -59,3 +60,12 @@ def test_every_damage_leaves_the_truth_and_names_its_cell(clean, kind):
         assert np.array_equal(case.given_masks, case.masks) == (not changed)
         names.add(name_cell(kind, strength))
     assert all(names)
+
+
+def test_the_worker_makes_a_mesh_of_a_case_and_says_how_good_it_is(clean, tmp_path):
+    write_case(clean, tmp_path, SIZE, calibrated=False)
+    told = reconstruct(tmp_path, tmp_path / "mesh.ply")
+    assert told["verdict"] == "doubtful"  # of six photographs
+    assert told["named"] == []
+    assert told["iou_given"] > 0.95
+    assert (tmp_path / "mesh.ply").exists()
