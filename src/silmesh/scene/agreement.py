@@ -11,8 +11,8 @@ from silmesh.geometry.camera import Cameras, Similarity
 from silmesh.geometry.silhouette_iou import coherence
 from silmesh.geometry.thresholds import REFUSED
 from silmesh.geometry.undistortion import Undistorted, undistort
-from silmesh.geometry.visual_hull import carve
-from silmesh.scene.scene import find_similarity, refuse_camera_inside
+from silmesh.geometry.visual_hull import carve, find_enclosed
+from silmesh.scene.scene import find_similarity, refuse_enclosed
 
 FEWEST = 2  # least number of silhouettes that are not empty
 # Of attempts whose hull IoU differs by less than this, the one with the most views is taken.
@@ -47,7 +47,11 @@ def find_shown(silhouettes: np.ndarray) -> np.ndarray:
 
 
 def normalise(
-    cameras: Cameras, silhouettes: np.ndarray, keep_world: bool = False, resolution: int = 128
+    cameras: Cameras,
+    silhouettes: np.ndarray,
+    keep_world: bool = False,
+    resolution: int = 128,
+    frames: np.ndarray | None = None,
 ) -> Normalised:
     """Take the cameras' lenses away, normalise their world and measure their coherence.
 
@@ -58,9 +62,11 @@ def normalise(
         silhouettes: [views, height, width] bool, of the cameras' views
         keep_world: it is normalised already
         resolution: of the hull, as ``carve`` takes it
+        frames: [views, 4] of the photographs within the images; the whole images if not given
 
     Raises:
-        InputError: the cameras do not look at one object, or fewer than two silhouettes show it
+        InputError: the cameras do not look at one object, one stands inside it, or fewer than two
+            silhouettes show it
     """
     shown = find_shown(silhouettes)
     if len(shown) < FEWEST:
@@ -68,27 +74,35 @@ def normalise(
             f"{len(shown)} of the {len(cameras)} views with a camera have a silhouette that is not "
             f"empty; should be {FEWEST} or more"
         )
-    undistorted = undistort(cameras, silhouettes)
+    undistorted = undistort(cameras, silhouettes, frames)
     cameras, silhouettes = undistorted.cameras, undistorted.silhouettes(silhouettes)
-    kept, silhouettes = cameras.select(shown), silhouettes[shown]
-    similarity = Similarity.identity() if keep_world else find_similarity(kept, silhouettes)
+    kept, silhouettes, spoken = (
+        cameras.select(shown),
+        silhouettes[shown],
+        undistorted.frames[shown],
+    )
+    similarity = Similarity.identity() if keep_world else find_similarity(kept, silhouettes, spoken)
     cameras, kept = cameras.in_world_of(similarity), kept.in_world_of(similarity)
-    refuse_camera_inside(cameras)
+    refuse_enclosed(kept, find_enclosed(silhouettes, kept, spoken))
     agreement = np.zeros(len(cameras))
-    agreement[shown] = coherence(carve(silhouettes, kept, resolution), kept, silhouettes)
+    hull = carve(silhouettes, kept, resolution, frames=spoken)
+    agreement[shown] = coherence(hull, kept, silhouettes, spoken)
     return Normalised(cameras, undistorted, similarity, agreement)
 
 
-def refuse_incoherent(attempt: Attempt, silhouettes: np.ndarray) -> Attempt:
+def refuse_incoherent(
+    attempt: Attempt, silhouettes: np.ndarray, frames: np.ndarray | None = None
+) -> Attempt:
     """The attempt with its ``coherence`` among its figures, or refused for it.
 
     Args:
         silhouettes: [views, height, width] bool, of the views that have a camera
+        frames: [views, 4] of their photographs within the images, as ``place`` takes them
     """
     if attempt.cameras is None:
         return attempt
     try:
-        mean = normalise(attempt.cameras, silhouettes).mean
+        mean = normalise(attempt.cameras, silhouettes, frames=frames).mean
     except InputError as error:
         why = f"cameras {attempt.source!r}: {error}"
         return replace(attempt, cameras=None, refusal=why)
