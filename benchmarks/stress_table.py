@@ -1,0 +1,80 @@
+"""The cells of ``stress.py`` as tables in Markdown, and which of them miss the goal."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+NEAR = 0.01  # of IoU, by which no cell may lie below the best of ``BESIDE``
+BESIDE = ("hull", "ellipsoid", "today")
+COLLAPSE = 0.8  # of IoU with the true silhouettes
+COLUMNS = ("hull", "ellipsoid", "rival", "today", "silmesh")
+JUDGED = ("today", "silmesh")  # methods that say how good they are
+
+Cells = Mapping[str, Mapping]  # an object's, by methods
+
+
+def judge_cell(cells: Cells, method: str) -> list[str]:
+    """What misses the goal in one cell: ``below`` the best of the others, ``called good``."""
+    made = cells.get(method)
+    if made is None:
+        return []
+    others = [cells[name]["iou"] for name in BESIDE if name in cells and name != method]
+    missed = ["below"] * (max(others, default=0.0) - made["iou"] > NEAR)
+    return missed + ["called good"] * (made["iou"] < COLLAPSE and made["verdict"] == "good")
+
+
+def tabulate(kept: Mapping[str, Mapping[str, Mapping[str, Cells]]]) -> str:
+    """All tables: one for each set of views, size, cameras and seed."""
+    return "\n\n".join(_tabulate_one(about, rows) for about, rows in kept.items())
+
+
+def _tabulate_one(about: str, rows: Mapping[str, Mapping[str, Cells]]) -> str:
+    there = {m for objects in rows.values() for cells in objects.values() for m in cells}
+    methods = [method for method in COLUMNS if method in there]
+    judged = [method for method in JUDGED if method in there]
+    heads = ["damage", *methods, *(f"{method}: verdicts" for method in judged)]
+    heads += [f"{method}: wrong named / others" for method in judged]
+    heads += [f"{method}: missed" for method in judged]
+    objects = sorted({name for row in rows.values() for name in row})
+    lines = [f"{about}; {', '.join(objects)}", ""]
+    lines += ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
+    lines += [_row(cell, row, methods, judged) for cell, row in rows.items() if any(row.values())]
+    return "\n".join(lines)
+
+
+def _row(cell: str, row: Mapping[str, Cells], methods: list[str], judged: list[str]) -> str:
+    words = [cell]
+    words += [_figures([cells[m] for cells in row.values() if m in cells]) for m in methods]
+    for say in (_verdicts, _named):
+        words += [say([cells[m] for cells in row.values() if m in cells]) for m in judged]
+    for method in judged:
+        missed = [
+            f"{name} {word}" for name, cells in row.items() for word in judge_cell(cells, method)
+        ]
+        words.append("; ".join(missed) or "–")
+    return "| " + " | ".join(words) + " |"
+
+
+def _figures(made: list[Mapping]) -> str:
+    """Mean IoU with the true silhouettes, the least of the objects', and the mean volume IoU."""
+    if not made:
+        return "–"
+    values = [one["iou"] for one in made]
+    volumes = [one["volume_iou"] for one in made if one.get("volume_iou") is not None]
+    volume = f" / {np.mean(volumes):.3f}" if volumes else ""
+    return f"{np.mean(values):.3f} ({min(values):.3f}){volume}"
+
+
+def _verdicts(made: list[Mapping]) -> str:
+    words = [one["verdict"] for one in made]
+    return ", ".join(f"{words.count(word)} {word}" for word in sorted(set(words))) or "–"
+
+
+def _named(made: list[Mapping]) -> str:
+    """The share of the wrong views that is named, and of the others, over what was not refused."""
+    made = [one for one in made if "named" in one]
+    shares = [
+        [one[name] for one in made if one.get(name) is not None]
+        for name in ("recall", "false_alarms")
+    ]
+    return " / ".join(f"{np.mean(share):.0%}" if share else "–" for share in shares)

@@ -1,0 +1,66 @@
+"""Reconstructs the cases that ``stress.py`` names, one a line, by the silmesh that is on the path.
+
+It stands on the Python API alone, so that an older checkout runs it, too: for each folder it
+writes ``mesh.ply``, in the world of the case's cameras, and prints one line of JSON.
+"""
+
+import json
+import sys
+import time
+from contextlib import redirect_stdout
+from pathlib import Path
+
+import torch
+
+import silmesh
+from silmesh.cli.outcome import describe, find_doubts
+from silmesh.errors import InputError
+
+
+def reconstruct(folder: Path, made: Path) -> dict:
+    """What the reconstruction of a case came to, its mesh written."""
+    case = json.loads((folder / "case.json").read_text())
+    start = time.perf_counter()
+    try:
+        result = silmesh.reconstruct(
+            folder / "photographs", folder / "masks", case["cameras"], size=case["size"]
+        )
+    except InputError as error:
+        return {"verdict": "refused", "said": str(error), "seconds": time.perf_counter() - start}
+    seconds = time.perf_counter() - start
+    result.mesh.export(made)
+    metrics = {**result.metrics, "silhouettes": "silhouettes"}
+    doubts = find_doubts(metrics, folder)
+    return {
+        "verdict": "doubtful" if doubts else "good",
+        "said": "\n".join([describe(made, metrics, doubts), *doubts]),
+        "named": name_wrong(result.scene.describe()),
+        "iou_given": metrics["iou_mean"],
+        "hull_iou": metrics["hull_iou_mean"],
+        "initial": metrics["first"],
+        "seconds": seconds,
+    }
+
+
+def name_wrong(told: dict) -> list[str]:
+    """The views that are doubted, left out or believed less."""
+    less = [view for view, weight in told.get("weights", {}).items() if weight < 1]
+    return sorted({*told["doubtful"], *told["dropped"], *less})
+
+
+def main() -> None:
+    """Answer each line of standard input."""
+    torch.set_num_threads(1)
+    answers = sys.stdout
+    for line in sys.stdin:
+        folder, made = map(Path, json.loads(line))
+        with redirect_stdout(sys.stderr):
+            try:
+                answer = reconstruct(folder, made)
+            except Exception as error:  # a fault of the program, which is a finding
+                answer = {"verdict": "crashed", "said": f"{type(error).__name__}: {error}"}
+        print(json.dumps(answer), file=answers, flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,36 @@
+"""What the stress benchmark is asked for, and what it counts."""
+
+from argparse import ArgumentTypeError
+from dataclasses import replace
+
+import pytest
+from stress import count_named, measure_mesh, parse_damage
+from stress_cases import DAMAGES, make_clean
+
+
+@pytest.fixture(scope="module")
+def clean():
+    """An apricot, seen from six sides."""
+    return make_clean("apricot", 6, 48, ring=False)
+
+
+def test_damages_are_asked_for_by_kind_or_strength():
+    assert parse_damage("bite=0.1,0.3") == [("bite", (0.1, 0.3))]
+    assert parse_damage("empty") == [("empty", strength) for strength in DAMAGES["empty"][1]]
+    for wrong in ("bites", "bite=0.1"):
+        with pytest.raises(ArgumentTypeError):
+            parse_damage(wrong)
+
+
+def test_the_truth_itself_measures_as_perfect(clean):
+    told = measure_mesh(clean, clean.truth, calibrated=False)
+    assert told["iou"] > 0.99  # another renderer made the masks
+    assert told["volume_iou"] == 1
+    assert told["pieces"] == 1
+
+
+def test_recall_and_false_alarms_are_shares_of_wrong_and_right_views(clean):
+    views = clean.cameras.views
+    told = count_named(replace(clean, wrong=(0, 1)), [views[1], views[2]])
+    assert told == {"recall": 1 / 2, "false_alarms": 1 / 4}
+    assert count_named(clean, [])["recall"] is None

@@ -1,0 +1,33 @@
+"""What the tables of the stress benchmark call a miss."""
+
+from stress_table import judge_cell, tabulate
+
+
+def _cell(iou, verdict="made", **others):
+    return {"iou": iou, "volume_iou": 0.5, "verdict": verdict, **others}
+
+
+def test_a_cell_may_lie_a_hundredth_below_the_best_of_the_others():
+    cells = {"hull": _cell(0.9), "ellipsoid": _cell(0.95), "silmesh": _cell(0.941, "good")}
+    assert judge_cell(cells, "silmesh") == []
+    cells["today"] = _cell(0.96, "doubtful")
+    assert judge_cell(cells, "silmesh") == ["below"]
+    assert judge_cell(cells, "today") == []
+
+
+def test_a_collapse_must_not_be_called_good():
+    assert judge_cell({"silmesh": _cell(0.7, "good")}, "silmesh") == ["called good"]
+    assert judge_cell({"silmesh": _cell(0.7, "doubtful")}, "silmesh") == []
+
+
+def test_a_row_has_mean_and_least_iou_volume_verdicts_and_misses():
+    told = {"named": ["a"], "recall": 0.5, "false_alarms": 0.0}
+    cells = {
+        "bear": {"hull": _cell(0.9), "silmesh": _cell(0.8, "good", **told)},
+        "pot": {"hull": _cell(0.5), "silmesh": _cell(0.6, "refused")},
+    }
+    row = tabulate({"24 views": {"bites": cells}}).splitlines()[-1]
+    assert row == (
+        "| bites | 0.700 (0.500) / 0.500 | 0.700 (0.600) / 0.500 | 1 good, 1 refused | 50% / 0% "
+        "| bear below |"
+    )
