@@ -253,10 +253,11 @@ COMMANDS = {
     "initial": '--scene judged --settings {"vertices":60,"align":"none"} --output first.ply'
     " --report init.json",
     "fit": f"--initial first.ply --scene judged {FIT}"
-    " --threads 1 --checkpoint state.pt --meshes mesh.ply --cameras fitted.json --loss loss.csv",
+    " --threads 1 --checkpoint state.pt --meshes mesh.ply --cameras fitted.json --loss loss.csv"
+    " --notes fit.json",
     "colour": "--mesh mesh.ply --cameras fitted.json --scene judged --meshes mesh.obj mesh.glb",
     "evaluate": "--mesh mesh.ply --cameras fitted.json --loss loss.csv --scene judged --initial"
-    f" init.json {FIT} --threads 1 --results . --output metrics.json",
+    f" init.json --notes fit.json {FIT} --threads 1 --results . --output metrics.json",
     "rings": "--scene judged --threads 1 --output rings.png",
     "gallery": "--views views --scene scene --judged judged --sheet sheet.png --output page.json",
     "picture": "--mesh mesh.obj --initial first.ply --cameras fitted.json --scene judged"

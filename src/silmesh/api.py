@@ -34,6 +34,7 @@ from silmesh.errors import InputError
 from silmesh.evaluation import metrics
 from silmesh.fitting.fit import Fitted, fit_mesh
 from silmesh.fitting.loop import Record
+from silmesh.fitting.restart import fit_or_restart, may_restart
 from silmesh.fitting.trial import trial_with
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.mesh_files import read_mesh, write_coloured
@@ -332,7 +333,7 @@ def initial_mesh(
         scene.cameras,
         trial_with(SoftRasFit()),
         progress,
-        scene.notes["frame"],
+        scene.frames,
     )
 
 
@@ -358,7 +359,9 @@ def fit(
         watch: is told the losses before each step
         settings: more of the configuration's section ``fit``
     Returns:
-        ``.mesh`` and ``.cameras`` in the cameras' own world, ``.records`` of the losses
+        ``.mesh`` and ``.cameras`` in the cameras' own world, ``.records`` of the losses, and
+        ``.notes`` on views that did not count and on another start, which an initial mesh by
+        ``hull`` or ``auto`` may get
 
     Raises:
         InputError: a setting is wrong, or the fit meets numbers that are not finite
@@ -370,7 +373,9 @@ def fit(
         watch(record)
 
     whole = mesh.mesh if isinstance(mesh, Initial) else mesh
-    return fit_mesh(whole, scene, chosen, tell)
+    shape = mesh.notes["asked"] if isinstance(mesh, Initial) else ""
+    begin = fit_or_restart if may_restart(shape, chosen) else fit_mesh
+    return begin(whole, scene, chosen, tell)
 
 
 def evaluate(
@@ -401,6 +406,7 @@ def evaluate(
         fitted.settings.sigma_at(scene.silhouettes.shape[-1]),
         fitted.settings.holdout,
         initial.notes if initial else None,
+        fitted.notes,
         truth=known,
         align=estimated,
     )

@@ -113,6 +113,24 @@ def test_views_without_a_camera_are_dropped_with_the_reason(tmp_path):
         "v4": "matches with 5 others do not fit the cameras of the rest",
     }
     assert "3 of 12 photographs have no camera and are left out: v2, v3, v4" in attempt.warnings[0]
+    because = {"too few features": 1, "too few matches": 1, "refused by geometry": 1}
+    assert attempt.figures["dropped_because"] == because
+    told = "(too few features: 1, too few matches: 1, refused by geometry: 1)"
+    assert attempt.warnings[0].endswith(told)
+
+
+def test_how_close_a_view_without_a_camera_came_is_its_reason(tmp_path):
+    kept = [i for i in range(COUNT) if i not in (3, 4, 5)]
+    write_model(tmp_path / "m", turntable(COUNT, SIZE).select(kept))
+    told = report(v3=100).tell(closest={"v3": None, "v4": ["v6", 9], "v5": ["v6", 80]})
+    attempt = attempt_model("colmap", tmp_path / "m", told, all_views())
+    assert attempt.dropped == {
+        "v3": "none of its 100 features fits another photograph",
+        "v4": "shares too few points with those that have a camera: 9 with 'v6' at most",
+        "v5": "matches with 5 others do not fit the cameras of the rest",
+    }
+    because = {"too few matches": 2, "refused by geometry": 1}
+    assert attempt.figures["dropped_because"] == because
 
 
 def test_a_model_of_few_views_is_refused_with_its_figures(tmp_path):

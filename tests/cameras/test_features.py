@@ -7,11 +7,12 @@ import pytest
 from scenes import blotches, save
 from scipy.ndimage import gaussian_filter
 
-from silmesh.cameras.features import extract, keep_inside
+from silmesh.cameras.features import _sift, extract, keep_inside
+from silmesh.cameras.matching import match
 from silmesh.cameras.stages import DATABASE, Report, make_stage, read_report
 from silmesh.errors import InputError
 from silmesh.files import MADE
-from silmesh.settings.cameras import Features
+from silmesh.settings.cameras import Features, Matches
 from silmesh.views import place_view
 
 
@@ -53,6 +54,34 @@ def test_images_are_numbered_and_named_as_the_views(photographs, tmp_path):
     camera = found[1][1]
     assert (camera.width, camera.height, camera.focal_length) == (320, 240, 1.2 * 320)
     assert not camera.has_prior_focal_length
+
+
+def test_twice_the_features_are_kept_after_those_of_the_limit(photographs, tmp_path):
+    report, database = features(photographs, tmp_path, count=200)
+    for (name, _, keypoints, descriptors), path in zip(
+        read(database).values(), photographs, strict=True
+    ):
+        with PIL.Image.open(path) as image:
+            limited = _sift(np.asarray(image.convert("L")), 200)
+        first = report.figures["features_first"][name]
+        assert 200 < first < report.figures["features"][name]
+        np.testing.assert_array_equal(keypoints[:first], limited[0])
+        np.testing.assert_array_equal(descriptors[:first], limited[1])
+
+
+def test_only_the_features_of_the_limit_are_matched_at_first(photographs, tmp_path):
+    images = [PIL.Image.open(path) for path in photographs]
+    copies = [save(tmp_path / "c" / f"{i}.png", np.asarray(images[0])[:, i:]) for i in (0, 9, 20)]
+    report, database = features(copies, tmp_path, count=200)
+    (tmp_path / "m").mkdir()
+    match(database, Matches(), 1, tmp_path / "m", report)
+    first = list(report.figures["features_first"].values())
+    with pycolmap.Database.open(tmp_path / "m" / DATABASE) as opened:
+        for pair, found in zip(*opened.read_all_matches(), strict=True):
+            places = [i - 1 for i in pycolmap.pair_id_to_image_pair(pair)]
+            assert len(found) > 20
+            assert (np.asarray(found).max(axis=0) < [first[i] for i in places]).all()
+    assert len(read(tmp_path / "m" / DATABASE)[1][2]) == report.figures["features"]["0"]
 
 
 def test_an_unreadable_photograph_is_left_out_and_keeps_its_number(photographs, tmp_path):

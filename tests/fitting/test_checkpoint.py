@@ -246,7 +246,14 @@ def write_scene(folder: Path, preset: str) -> list[str]:
 def start(arguments: list[str], out: Path) -> subprocess.Popen:
     """The step, which keeps a checkpoint after every step of the fit."""
     outputs = ["--meshes", out / "mesh.ply", "--cameras", out / "cameras.json"]
-    outputs += ["--loss", out / "loss.csv", "--checkpoint", out / ".checkpoint.pt"]
+    outputs += [
+        "--notes",
+        out / "fit.json",
+        "--loss",
+        out / "loss.csv",
+        "--checkpoint",
+        out / ".checkpoint.pt",
+    ]
     return subprocess.Popen(
         [sys.executable, "-c", PROGRAM, *arguments, "--threads", "1", *map(str, outputs)],
         text=True,

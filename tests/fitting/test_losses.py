@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 import torch
 
-from silmesh.fitting.losses import Flatten, Laplacian, edge_diamonds, iou_loss
+from silmesh.fitting.losses import Flatten, Laplacian, Objective, edge_diamonds, iou_loss
 from silmesh.geometry.mesh_files import to_tensors
+from silmesh.settings.fit import FastWeights
 from silmesh.shapes.sphere import unit_sphere
 
 #     3
@@ -128,3 +129,15 @@ def test_only_the_shared_edge_has_a_diamond():
 def test_an_edge_of_three_faces_is_left_out():
     fan = torch.tensor([[0, 1, 2], [1, 0, 3], [0, 1, 4]])
     assert edge_diamonds(fan).shape == (0, 4)
+
+
+def test_what_a_photograph_does_not_show_does_not_count():
+    verts, faces = bumpy(14)
+    objective = Objective(faces, 14, FastWeights(laplacian=0, flatten=0))
+    known = torch.tensor([[[1.0, 1, 0], [1, 1, 0]]])
+    truth = torch.tensor([[[1.0, 0, 0], [1, 0, 0]]])
+    alpha = torch.tensor([[[1.0, 1, 1], [1, 0, 1]]], requires_grad=True)
+    losses = objective(verts, alpha, truth, known=known)
+    assert losses.iou_loss.item() == pytest.approx(1 - 2 / 3, abs=1e-6)
+    losses.iou_loss.backward()
+    assert (alpha.grad[known == 0] == 0).all()

@@ -145,3 +145,18 @@ def test_a_lens_that_shows_no_silhouette_is_refused():
     seen = silhouettes(cameras, AXES, CENTRE)
     with pytest.raises(InputError, match=r"view 'v0': its lens SIMPLE_RADIAL .* shows nothing"):
         undistort(with_lens(cameras, Lens("SIMPLE_RADIAL", (-60.0,))), seen)
+
+
+def test_of_a_straightened_view_that_is_cut_a_box_is_known_that_it_showed_everywhere():
+    cameras = turntable(COUNT, SIZE)
+    bent, frames = photographed(cameras, CUSHION), np.array([[16, 0, 112, SIZE]] * COUNT)
+    frames[1] = [16, 0, 70, SIZE]  # through the object
+    bent[1, :, 70:] = False
+    undistorted = undistort(with_lens(cameras, CUSHION), bent, frames)
+    assert undistorted.frames[[0, 2, 3]].tolist() == [[0, 0, SIZE, SIZE]] * 3
+    left, top, right, bottom = undistorted.frames[1]
+    shown = undistorted.sources["v1"][top:bottom, left:right]
+    assert (shown > [16, 0]).all()
+    assert (shown < [70, SIZE]).all()
+    assert right - left > 40
+    assert bottom - top > 100

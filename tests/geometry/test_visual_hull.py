@@ -6,6 +6,7 @@ from scenes import dome, silhouettes, turntable
 from scipy.ndimage import distance_transform_edt as edt
 from scipy.ndimage import map_coordinates
 
+from silmesh.geometry.frame import is_cut
 from silmesh.geometry.signed_distance import signed_distance
 from silmesh.geometry.silhouette_iou import coherence
 from silmesh.geometry.visual_hull import carve, find_outlier_views
@@ -165,3 +166,29 @@ def test_a_coarser_field_is_the_same_where_it_is_sampled(ball):
     np.testing.assert_allclose(
         coarser.origin + 16 * coarser.spacing, hull.origin + 32 * hull.spacing
     )
+
+
+def test_the_field_of_views_that_their_frames_cut_is_their_plain_twins(ball):
+    cameras, seen = ball
+    left, top, right, bottom = frame = (30, 10, 62, 90)
+    part, frames = seen.copy(), np.array([frame, (0, 0, SIZE, SIZE)] * 20)
+    part[::2] = False
+    part[::2, top:bottom, left:right] = seen[::2, top:bottom, left:right]
+    cut = is_cut(part, frames)
+    assert cut.tolist() == [True, False] * 20
+    hull = carve(part, cameras, 30, frames=frames)
+    index = np.indices(hull.field.shape).reshape(3, -1).T
+    points = cameras.project(torch.as_tensor(hull.origin + index * hull.spacing)).numpy() - 0.5
+    values = []
+    for s, p, is_it in zip(part, points[:, :, ::-1], cut, strict=True):
+        within = s[top:bottom, left:right] if is_it else s
+        signed = np.where(within, edt(within) - 0.5, 0.5 - edt(~within)).clip(-6, 6) + 0.15
+        at = p - [top, left] if is_it else p
+        there = ((at >= 0) & (at < np.array(within.shape) - 1)).all(axis=1)
+        between = map_coordinates(signed, at.T, order=1, mode="nearest")
+        values.append(np.where(there, between, np.inf if is_it else -6))
+    plain = np.min(values, axis=0).reshape(hull.field.shape)
+    near = np.abs(plain) < 1
+    assert near.sum() > 500
+    np.testing.assert_allclose(hull.field[near], plain[near], atol=1e-4)
+    np.testing.assert_array_equal(hull.field > 0, plain > 0)

@@ -7,13 +7,13 @@ from silmesh.errors import InputError
 from silmesh.geometry.camera import Similarity
 from silmesh.geometry.silhouette_iou import coherence
 from silmesh.geometry.undistortion import undistort
-from silmesh.geometry.visual_hull import carve
+from silmesh.geometry.visual_hull import carve, find_enclosed
 from silmesh.scene.scene import (
     Scene,
     find_similarity,
     load_scene,
     read_scene,
-    refuse_camera_inside,
+    refuse_enclosed,
     write_scene,
 )
 
@@ -65,12 +65,15 @@ def test_an_object_behind_a_camera_is_refused():
         find_similarity(cameras, seen)
 
 
-def test_a_camera_inside_the_object_is_refused():
-    cameras = turntable(4, SIZE)
-    refuse_camera_inside(cameras)
-    cameras.t[1] = torch.tensor([0.1, 0, 0.3])
-    with pytest.raises(InputError, match=r"view 'v1' stands inside the object: 0\.316"):
-        refuse_camera_inside(cameras)
+def test_a_camera_is_inside_the_object_where_the_hull_of_the_others_says_so():
+    cameras = turntable(6, SIZE)
+    seen = silhouettes(cameras, [0.45, 0.1, 0.1])  # long along x
+    for stands, enclosed in (((0.0, 0.0, 0.3), []), ((-0.3, 0.0, 0.0), [1])):
+        cameras.t[1] = -cameras.R[1] @ torch.tensor(stands, dtype=torch.float64)
+        assert find_enclosed(seen, cameras) == enclosed  # both stand within the sphere
+    with pytest.raises(InputError, match=r"view 'v1' stands inside the object: 0\.3 from"):
+        refuse_enclosed(cameras, enclosed)
+    refuse_enclosed(cameras, [])
 
 
 def test_silhouettes_agree_with_their_cameras_and_not_with_others():

@@ -87,3 +87,23 @@ def test_the_first_sphere_is_aligned_to_the_first_silhouette():
     np.testing.assert_allclose(placed.vertices, expected)
     plain = make_initial_mesh(Init(shape="sphere", vertices=642, align="none"), views, cameras).mesh
     np.testing.assert_allclose(plain.vertices, unit_sphere(642).vertices)
+
+
+def test_noise_along_an_outline_is_no_detail():
+    """A disc whose outline pixels are flipped at random needs no more vertices than the disc."""
+    rows, columns = np.indices((128, 128)) - 63.5
+    reach = np.hypot(rows, columns)
+    disc = reach < 40
+    flipped = np.random.default_rng(0).random(disc.shape) < 0.4
+    noisy = disc ^ (flipped & (np.abs(reach - 40) < 1.5))
+    plain = choose_count(disc[None])
+    assert choose_count(noisy[None]) < 1.5 * plain
+
+
+def test_a_star_is_detail():
+    """Its outline is longer than that of its convex hull, and stays so when it is blurred."""
+    rows, columns = np.indices((128, 128)) - 63.5
+    angle = np.arctan2(rows, columns)
+    star = np.hypot(rows, columns) < 40 + 15 * np.cos(6 * angle)
+    disc = np.hypot(rows, columns) < np.sqrt(star.sum() / np.pi)
+    assert choose_count(star[None]) > 1.5 * choose_count(disc[None])

@@ -10,6 +10,7 @@ from silmesh.geometry.overlap import mean_iou
 from silmesh.progress import untold
 from silmesh.settings.check import check
 from silmesh.settings.init import Init
+from silmesh.shapes.carved import hull_mesh
 from silmesh.shapes.choose import LATEST, ROUNDS, VIEWS, score_meshes
 from silmesh.shapes.downsample import crop, downsample, render
 from silmesh.shapes.initial import PLACED, SHAPES, make_initial_mesh
@@ -71,7 +72,7 @@ def test_an_object_cut_by_the_frame_is_told(scene):
     assert cut[0].startswith("the frame cuts the object in v")
 
 
-def overlap(mesh, cameras, seen):
+def overlap(mesh, cameras, seen, known=None):
     """A trial that moves nothing: the loss before and after is what the silhouettes lack."""
     world = mesh.copy()
     world.apply_scale(0.5)
@@ -185,9 +186,46 @@ def test_an_object_that_the_photographs_frame_cuts_is_not_cut_off_there():
     padded = seen.copy()
     padded[:, : frame[1]] = False
     high = []
-    for given in ((padded, cameras), crop(padded, cameras, frame)):
+    for given in ((padded, cameras), crop(padded, cameras, np.tile(frame, (8, 1)))[:2]):
+        high.append(hull_mesh(*given, 200, "keep").mesh.vertices[:, 1].max())
         first = make_initial_mesh(Init(shape="hull", vertices=200), *given)
-        high.append(first.mesh.vertices[:, 1].max() / 2)
         warned = any("the frame cuts the object" in w for w in first.notes["warnings"])
         assert warned == (given[1] is not cameras)
     assert high[0] < 0.3 < 0.34 < high[1]
+
+
+def test_a_fit_does_not_start_from_a_splinter():
+    """Of silhouettes of two balls, in half of the views one of them alone: the hull falls apart."""
+    cameras = turntable(12, SIZE, elevation=10)
+    left, right = (silhouettes(cameras, [0.18] * 3, [x, 0, 0]) for x in (-0.24, 0.24))
+    waist = silhouettes(cameras, [0.4, 0.06, 0.06])
+    seen = left | right | waist
+    seen[:, :, SIZE // 2 - 2 : SIZE // 2 + 2] = False  # a gap in the middle of every view
+    first = make_initial_mesh(Init(shape="hull", vertices=300), seen, cameras)
+    starts = first.notes["starts"]
+    assert starts["hull"]["kept"] < 0.7
+    assert set(starts) == {"hull", "ellipsoid"}
+    best = max(starts, key=lambda shape: starts[shape]["iou"])
+    assert first.notes["shape"] == best == "ellipsoid"
+    assert "the initial mesh is the ellipsoid: its IoU" in first.notes["warnings"][-1]
+    assert first.notes["iou_mean"] == pytest.approx(starts["ellipsoid"]["iou"], abs=0.02)
+
+
+def test_views_that_lose_their_weight_are_named():
+    cameras = turntable(24, SIZE, elevation=15)
+    seen = silhouettes(cameras, AXES, CENTRE)
+    sound = make_initial_mesh(Init(shape="hull", vertices=300), seen, cameras)
+    damaged = seen.copy()
+    damaged[5] = False
+    damaged[11, :, : int(np.argwhere(seen[11])[:, 1].mean()) - 8] = False
+    first = make_initial_mesh(Init(shape="hull", vertices=300), damaged, cameras)
+    assert first.notes["shape"] == "hull"
+    assert first.notes["distrusted"] == ["v5"]
+    assert first.notes["corrected"] == ["v11"]
+    weightless, parts = first.notes["warnings"]
+    assert "contradicts v5: no weight" in weightless
+    assert "in v11: the initial mesh does not follow" in parts
+    assert first.mesh.volume == pytest.approx(sound.mesh.volume, rel=0.02)
+    assert sound.notes["warnings"] == []
+    assert sound.notes["starts"]["hull"]["iou"] == pytest.approx(sound.notes["iou_mean"])
+    assert first.notes["starts"]["hull"]["iou"] > 0.95 > first.notes["iou_mean"]

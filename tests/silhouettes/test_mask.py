@@ -145,3 +145,17 @@ def test_an_inverted_mask_of_an_object_that_leaves_the_frame_is_named(tmp_path):
     mask = Image.fromarray(np.where(block, 0, 255).astype(np.uint8))
     with pytest.raises(InputError, match=r"border to 89%; it may be inverted"):
         mask_of(tmp_path, mask)
+
+
+def test_a_few_masks_that_cover_most_of_the_border_are_of_photographs_taken_near(tmp_path):
+    near = np.ones((48, 64), bool)
+    near[:20, :40] = False
+    views = photographs(tmp_path, *np.zeros((3, 48, 64, 3), np.uint8))
+
+    def found(*masks):
+        files = [save(tmp_path / "m" / f"{n}.png", m) for n, m in zip("abc", masks, strict=True)]
+        return find(tmp_path, "mask", views, files)
+
+    assert found(BLOCK, BLOCK, near)[2].any()
+    with pytest.raises(InputError, match=r"'b'.* border to \d+%; it may be inverted"):
+        found(BLOCK, near, near)

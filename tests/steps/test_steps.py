@@ -122,6 +122,7 @@ def results(tmp_path_factory):
         meshes=variant / "mesh.ply",
         cameras=variant / "cameras.json",
         loss=variant / "loss.csv",
+        notes=variant / "fit.json",
     )
     call(
         colour,
@@ -135,6 +136,7 @@ def results(tmp_path_factory):
         mesh=variant / "mesh.ply",
         cameras=variant / "cameras.json",
         loss=variant / "loss.csv",
+        notes=variant / "fit.json",
         scene=out / "scene",
         initial=out / "init.json",
         truth=root / "truth.ply",
@@ -230,6 +232,7 @@ def test_silhouettes_may_lie_outside_the_results(results, tmp_path):
         mesh=variant / "mesh.ply",
         cameras=variant / "cameras.json",
         loss=variant / "loss.csv",
+        notes=variant / "fit.json",
         settings=SETTINGS,
         scene=results / "scene",
         initial=results / "init.json",
@@ -291,6 +294,7 @@ def test_matrices_of_a_left_handed_world_and_its_truth_are_mirrored(results, tmp
             mesh=variant / "mesh.ply",
             cameras=variant / "cameras.json",
             loss=variant / "loss.csv",
+            notes=variant / "fit.json",
             settings=SETTINGS,
             scene=folder,
             truth=true,
@@ -574,8 +578,9 @@ def fit_weighed(results, folder, settings, weights=None, without=()):
     told |= {} if weights is None else {"weights": weights}
     (folder / "scene.json").write_text(json.dumps(told))
     outputs = {"meshes": folder / "m.ply", "cameras": folder / "c.json", "loss": folder / "l.csv"}
+    outputs |= {"notes": folder / "fit.json"}
     told = settings | {"iterations": 6, "holdout": 0}
-    told |= {"batch": 0} if told["preset"] == "fast" else {}
+    told |= {"batch": 0, "judge_views": False} if told["preset"] == "fast" else {}
     call(fit, initial=results / "first.ply", scene=folder, settings=told, threads=1, **outputs)
     return read_mesh(folder / "m.ply").vertices
 
@@ -625,6 +630,7 @@ def test_a_gpu_that_is_not_there_is_an_input_error(results, tmp_path):
             meshes=[tmp_path / "m.ply"],
             cameras=tmp_path / "c.json",
             loss=tmp_path / "l.csv",
+            notes=tmp_path / "fit.json",
         )
     assert list(tmp_path.iterdir()) == []
 

@@ -9,6 +9,7 @@ rule evaluate:
         mesh="results/{object}/{variant}/mesh.ply",
         cameras="results/{object}/{variant}/cameras.json",
         loss="results/{object}/{variant}/loss.csv",
+        notes="results/{object}/{variant}/fit.json",
     output:
         "results/{object}/{variant}/metrics.json",
     log:
@@ -24,5 +25,6 @@ rule evaluate:
     shell:
         "python -m silmesh.steps evaluate --mesh {input.mesh:q} --cameras {input.cameras:q}"
         " --loss {input.loss:q} --scene {input.scene:q} --initial {input.initial:q}"
+        " --notes {input.notes:q}"
         " {params.truth} --settings {params.settings:q}"
         " --threads {threads} --output {output:q} 2> {log:q}"

@@ -3,6 +3,7 @@
 What is known of the thresholds is in ``docs/cameras.md``.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,6 +14,7 @@ import torch
 from torch import Tensor
 
 from silmesh.cameras.attempt import TRY_CALIBRATE, Attempt
+from silmesh.cameras.completing import FEWEST_INLIERS
 from silmesh.cameras.features import POOR
 from silmesh.cameras.stages import Report
 from silmesh.cameras.upright import azimuths, find_up, turn_upright
@@ -27,6 +29,9 @@ TURNED = 10.0  # degrees: least greatest angle between two viewing directions
 BLURRED = 1.5  # pixels per 1000 of the image: mean reprojection error from which to warn
 SHORT = 2.5  # mean number of views that see a point, below which to warn
 IN_ORDER = 0.8  # share of rotations from view to view in one direction, below which to warn
+# Kinds of reasons why a view has no camera.
+FEATURELESS, UNMATCHED, REFUSED = "too few features", "too few matches", "refused by geometry"
+OTHERWISE = "unreadable or repeated"
 
 
 def attempt_model(source: str, model: Path, report: Report, views: Sequence[View]) -> Attempt:
@@ -59,6 +64,7 @@ def attempt_model(source: str, model: Path, report: Report, views: Sequence[View
         "azimuths": dict(zip(cameras.views, azimuths(cameras.R).tolist(), strict=True)),
     }
     dropped = {**explain_dropped(cameras.views, views, report), **report.dropped}
+    figures["dropped_because"] = count_reasons(cameras.views, views, report)
     said = [f"{where}: {line}" for line in warn(figures, cameras, views, dropped)]
     warnings = (*report.warnings, *said)
     return Attempt(source, cameras, None, dropped, warnings, figures)
@@ -161,18 +167,44 @@ def lens(camera: pycolmap.Camera) -> Lens | None:
 
 def explain_dropped(kept: Sequence[str], views: Sequence[View], report: Report) -> dict[str, str]:
     """Why each view that has no camera has none."""
+    reasons = _find_reasons(kept, views, report)
+    return {view: reason for view, (_, reason) in reasons.items()}
+
+
+def _find_reasons(
+    kept: Sequence[str], views: Sequence[View], report: Report
+) -> dict[str, tuple[str, str]]:
+    """The kind of reason for which each view has no camera, and the reason."""
     features, linked = report.figures["features"], report.figures["linked"]
+    closest = report.figures.get("closest", {})
     usual = float(np.median(list(features.values())))
     reasons = {}
     for view in (view.view for view in views if view.view not in kept):
+        if view in report.dropped:
+            reasons[view] = OTHERWISE, report.dropped[view]
+            continue
         count, links = features[view], linked.get(view, 0)
+        near, shared = closest.get(view) or (None, 0)
         if count < POOR * usual:
-            reasons[view] = f"{count} features, the others have {usual:.0f}; perhaps blurred"
+            why = f"{count} features, the others have {usual:.0f}; perhaps blurred"
+            reasons[view] = FEATURELESS, why
         elif not links:
-            reasons[view] = f"none of its {count} features fits another photograph"
+            why = f"none of its {count} features fits another photograph"
+            reasons[view] = UNMATCHED, why
+        elif view in closest and shared < FEWEST_INLIERS:
+            fits = f"{shared} with {near!r} at most" if near else "none"
+            why = f"shares too few points with those that have a camera: {fits}"
+            reasons[view] = UNMATCHED, why
         else:
-            reasons[view] = f"matches with {links} others do not fit the cameras of the rest"
+            why = f"matches with {links} others do not fit the cameras of the rest"
+            reasons[view] = REFUSED, why
     return reasons
+
+
+def count_reasons(kept: Sequence[str], views: Sequence[View], report: Report) -> dict[str, int]:
+    """How many views have no camera for each kind of reason."""
+    kinds = (kind for kind, _ in _find_reasons(kept, views, report).values())
+    return dict(Counter(kinds))
 
 
 def warn(
@@ -183,7 +215,8 @@ def warn(
     if dropped:
         said.append(
             f"{len(dropped)} of {len(views)} photographs have no camera and are left out: "
-            f"{name_some(list(dropped), 8)}"
+            f"{name_some(list(dropped), 8)} "
+            f"({', '.join(f'{why}: {n}' for why, n in figures['dropped_because'].items())})"
         )
     error = figures["reprojection_error"] * 1000 / figures["longer_side"]
     if error > BLURRED:

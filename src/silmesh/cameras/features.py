@@ -7,7 +7,7 @@ one focal length share a camera.
 
 import hashlib
 import shutil
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import suppress
 from dataclasses import replace
@@ -38,6 +38,7 @@ FEW_FEATURES = 40  # if the median over the views is below this, COLMAP is not t
 POOR = 0.2  # of the median: a photograph with fewer features is probably blurred
 FOCAL_ON_FILM = 41989  # tag of EXIF: the focal length equivalent on 36 x 24 mm film
 FILM = np.hypot(36, 24)  # mm: diagonal of that film, by which COLMAP scales as well
+DEEPER = 2  # times as many features are kept, for views that the first ones leave without camera
 BORDER = 3  # working pixels by which a mask is widened: features need their surroundings
 
 
@@ -50,6 +51,7 @@ class Photograph(NamedTuple):
     digest: str  # of its pixels
     keypoints: np.ndarray  # [n, 4] float32: x, y, scale, orientation
     descriptors: np.ndarray  # [n, 128] uint8
+    first: int  # that are matched at first; those after them have finer scales
 
 
 def extract(
@@ -63,7 +65,8 @@ def extract(
 
     Args:
         paths: image files
-        settings: how many features are kept, and above which size photographs are made smaller
+        settings: how many features are matched at first, ``DEEPER`` times as many being kept, and
+            above which size photographs are made smaller
         threads: processes; the result does not depend on it
         progress: is told which share is done
 
@@ -125,10 +128,28 @@ def _look_at(view: str, path: Path, max_size: int, count: int) -> Photograph | s
     if scale < 1:
         small = (round(width * scale), round(height * scale))
         image = image.resize(small, PIL.Image.Resampling.LANCZOS)
-    keypoints, descriptors = _sift(np.asarray(image), count)
+    keypoints, descriptors = _sift(np.asarray(image), DEEPER * count)
+    order, first = _put_coarse_first(keypoints, count, image.height)
+    keypoints, descriptors = keypoints[order], descriptors[order]
     keypoints[:, :2] *= np.float32([width / image.width, height / image.height])
     keypoints[:, 2] *= width / image.width
-    return Photograph(view, (width, height), _read_focal(path), digest, keypoints, descriptors)
+    focal = _read_focal(path)
+    return Photograph(view, (width, height), focal, digest, keypoints, descriptors, first)
+
+
+def _put_coarse_first(keypoints: np.ndarray, count: int, height: int) -> tuple[np.ndarray, int]:
+    """The order in which those features come first that a limit of ``count`` keeps, and how many.
+
+    COLMAP lists features by the levels of the scale space, from fine to coarse, each level from the
+    top row of the image to its bottom; it keeps whole levels, the coarsest first, until these hold
+    more points than the limit. A point may have features of several orientations.
+    """
+    starts = np.flatnonzero(np.diff(keypoints[:, 1]) < -height / 2) + 1
+    for start in [*starts[::-1], 0]:
+        if len(np.unique(keypoints[start:, :2], axis=0)) > count:
+            break
+    order = np.r_[start : len(keypoints), :start]
+    return order, len(keypoints) - int(start)
 
 
 def _sift(grey: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -195,6 +216,7 @@ def _describe(found: Sequence[Photograph], repeated: dict[str, str]) -> Report:
         dropped={view: f"the same picture as {of!r}" for view, of in repeated.items()},
         figures={
             "features": counts,
+            "features_first": {p.view: p.first for p in found},
             "focal_from_exif": {p.view: p.focal for p in found if p.focal is not None},
             "lenses": len({(p.size, p.focal) for p in found}),
         },
@@ -252,6 +274,22 @@ def write_features(
     database.write_descriptors(number, pycolmap.FeatureDescriptors(kind, descriptors))
 
 
+def read_features(database: Path) -> dict[int, tuple[np.ndarray, np.ndarray]]:
+    """Keypoints [n, 4] and descriptors [n, 128] of the images, by their numbers."""
+    with pycolmap.Database.open(database) as opened:
+        numbers = sorted(image.image_id for image in opened.read_all_images())
+        return {i: (opened.read_keypoints(i), opened.read_descriptors(i).data) for i in numbers}
+
+
+def replace_features(database: Path, features: Mapping[int, tuple[np.ndarray, np.ndarray]]) -> None:
+    """Write these keypoints and descriptors in the place of all that the images have."""
+    with pycolmap.Database.open(database) as opened:
+        opened.clear_keypoints()
+        opened.clear_descriptors()
+        for number, (keypoints, descriptors) in features.items():
+            write_features(opened, number, keypoints, descriptors)
+
+
 def keep_inside(
     database: Path, views: Sequence[View], silhouettes: np.ndarray, folder: Path, before: Report
 ) -> Report:
@@ -266,22 +304,14 @@ def keep_inside(
         InputError: the object shows too few features
     """
     shutil.copyfile(database, folder / DATABASE)
-    counts = {}
-    with pycolmap.Database.open(folder / DATABASE) as kept:
-        features = {
-            image.image_id: (
-                kept.read_keypoints(image.image_id),
-                kept.read_descriptors(image.image_id).data,
-            )
-            for image in kept.read_all_images()
-        }
-        kept.clear_keypoints()
-        kept.clear_descriptors()
-        for number, (keypoints, descriptors) in sorted(features.items()):
-            view = views[number - 1]
-            inside = _inside(keypoints[:, :2], view, silhouettes[number - 1])
-            write_features(kept, number, keypoints[inside], descriptors[inside])
-            counts[view.view] = int(inside.sum())
+    counts, first, kept = {}, {}, {}
+    for number, (keypoints, descriptors) in read_features(folder / DATABASE).items():
+        view = views[number - 1]
+        inside = _inside(keypoints[:, :2], view, silhouettes[number - 1])
+        kept[number] = keypoints[inside], descriptors[inside]
+        counts[view.view] = int(inside.sum())
+        first[view.view] = int(inside[: before.figures["features_first"][view.view]].sum())
+    replace_features(folder / DATABASE, kept)
     median = float(np.median(list(counts.values())))
     if median < FEW_FEATURES:
         raise InputError(
@@ -289,7 +319,7 @@ def keep_inside(
             f"{median:.0f} features in half of the photographs (at least {FEW_FEATURES} are "
             f"needed){TRY_CALIBRATE}"
         )
-    return before.tell(features_inside=counts)
+    return before.tell(features_inside=counts, features_first=first)
 
 
 def _inside(points: np.ndarray, view: View, silhouette: np.ndarray) -> np.ndarray:

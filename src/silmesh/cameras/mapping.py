@@ -1,22 +1,19 @@
-"""From matches to cameras and points: COLMAP's mappers, on one thread so that they repeat."""
+"""From matches to cameras and points: the models of COLMAP's mappers, made one where they fit."""
 
-from collections.abc import Callable, Mapping
+import shutil
+from collections.abc import Callable
 from itertools import count
 from pathlib import Path
 
-import PIL.Image  # noqa: F401, before pycolmap, or saving a PNG crashes
-import pycolmap
-
 from silmesh.cameras.attempt import TRY_CALIBRATE
+from silmesh.cameras.completing import complete
 from silmesh.cameras.features import quieten
+from silmesh.cameras.mappers import MAPPERS
 from silmesh.cameras.matching import linked
-from silmesh.cameras.stages import MODEL, Report
+from silmesh.cameras.stages import LARGEST, MODEL, Report
 from silmesh.errors import InputError
 from silmesh.progress import Share, untold
 from silmesh.settings.cameras import Reconstruction
-
-SMALLEST = 3  # least number of views of a model
-GROWTH = 1.4  # factor of growth in views or points after which all are bundle-adjusted again
 
 
 def map_views(
@@ -27,6 +24,9 @@ def map_views(
     progress: Share = untold,
 ) -> Report:
     """Find cameras and points, and write the model with the most views to ``<folder>/model/``.
+
+    If that lacks views, what ``complete`` makes of all models is written there, and the model that
+    it began from to ``<folder>/largest/``.
 
     Args:
         database: of the matches
@@ -42,16 +42,21 @@ def map_views(
     links = linked(database)
     placed = _count_to(len(links), progress)
     models = MAPPERS[settings.mapping](database, scratch, settings.seed, placed)
-    progress(1)
     report = before.tell(models=[m.num_reg_images() for m in models.values()], linked=links)
     if not models:
         raise InputError(_say_none(report))
     best = max(models.values(), key=lambda m: (m.num_reg_images(), m.num_points3D()))
+    if best.num_reg_images() < len(links):
+        whole = complete(database, list(models.values()), settings, report, scratch)
+        report = whole.report
+        if whole.changed:
+            (folder / LARGEST).mkdir()
+            best.write(folder / LARGEST)
+            best = whole.model
     (folder / MODEL).mkdir()
     best.write(folder / MODEL)
-    for file in sorted(scratch.rglob("*"), reverse=True):
-        file.rmdir() if file.is_dir() else file.unlink()
-    scratch.rmdir()
+    shutil.rmtree(scratch)
+    progress(1)
     return report
 
 
@@ -59,39 +64,6 @@ def _count_to(views: int, progress: Share) -> Callable[[], None]:
     """What is called with each view that finds its place; if more models begin, more than once."""
     placed = count(1)
     return lambda: progress(min(next(placed) / views, 1 - 1 / views))
-
-
-def _map_step_by_step(
-    database: Path, scratch: Path, seed: int, placed: Callable[[], None]
-) -> Mapping:
-    options = pycolmap.IncrementalPipelineOptions(
-        num_threads=1, random_seed=seed, min_model_size=SMALLEST, extract_colors=False
-    )
-    for part in (options.mapper, options.triangulation):
-        part.random_seed = seed
-    options.ba_global_frames_ratio = options.ba_global_points_ratio = GROWTH
-    options.mapper.num_threads = 1
-    return pycolmap.incremental_mapping(
-        database, scratch, scratch, options, next_image_callback=placed
-    )
-
-
-def _map_at_once(database: Path, scratch: Path, seed: int, placed: Callable[[], None]) -> Mapping:
-    options = pycolmap.GlobalPipelineOptions(
-        num_threads=1, random_seed=seed, min_model_size=SMALLEST
-    )
-    mapper = options.mapper
-    mapper.num_threads, mapper.random_seed = 1, seed
-    mapper.bundle_adjustment.ceres.solver_options.num_threads = 1
-    for part in (mapper.rotation_averaging, mapper.global_positioning, mapper.retriangulation):
-        part.random_seed = seed
-    return pycolmap.global_mapping(database, scratch, scratch, options)
-
-
-MAPPERS: dict[str, Callable[[Path, Path, int, Callable[[], None]], Mapping]] = {
-    "incremental": _map_step_by_step,
-    "global": _map_at_once,
-}
 
 
 def _say_none(report: Report) -> str:

@@ -13,7 +13,7 @@ import PIL.Image  # noqa: F401, before pycolmap, or saving a PNG crashes
 import pycolmap
 
 from silmesh.cameras.attempt import TRY_CALIBRATE
-from silmesh.cameras.features import quieten
+from silmesh.cameras.features import quieten, read_features, replace_features
 from silmesh.cameras.stages import DATABASE, Report
 from silmesh.errors import InputError
 from silmesh.progress import Share, untold
@@ -35,6 +35,9 @@ def match(
 ) -> Report:
     """Match the features of pairs of photographs, and write them to ``<folder>/database.db``.
 
+    Of photographs with more features than were asked for only the first are matched; all stay in
+    the database, for what is tried again.
+
     Args:
         database: of the features, which stays as it is
         settings: which pairs are matched, and the seed of the search for geometries
@@ -46,20 +49,49 @@ def match(
     """
     quieten()
     shutil.copyfile(database, folder / DATABASE)
-    with pycolmap.Database.open(database) as opened:
-        names = [image.name for image in sorted(opened.read_all_images(), key=_number)]
-    pairs = pair_up(len(names), settings.pairing_of(len(names)))
-    lines = [f"{names[i]} {names[j]}\n" for i, j in pairs]
-    step = max(FEWEST, -(-len(lines) // TOLD))
-    for start in range(0, len(lines), step):
-        _match_listed(folder, lines[start : start + step], settings.seed, threads)
-        progress(min(1.0, (start + step) / len(lines)))
+    names = read_names(folder / DATABASE)
+    numbers = list(names)
+    first = before.figures["features_first"]
+    features = read_features(folder / DATABASE)
+    more = any(len(features[i][0]) > first[names[i]] for i in numbers)
+    if more:
+        few = {i: tuple(a[: first[names[i]]] for a in features[i]) for i in numbers}
+        replace_features(folder / DATABASE, few)
+    pairs = pair_up(len(numbers), settings.pairing_of(len(numbers)))
+    match_pairs(
+        folder / DATABASE,
+        [(numbers[i], numbers[j]) for i, j in pairs],
+        settings.seed,
+        threads,
+        progress,
+    )
+    if more:
+        replace_features(folder / DATABASE, features)
     return before.tell(**_count_verified(folder / DATABASE, len(pairs)))
 
 
-def _match_listed(folder: Path, lines: Sequence[str], seed: int, threads: int) -> None:
+def match_pairs(
+    database: Path,
+    pairs: Sequence[tuple[int, int]],
+    seed: int,
+    threads: int,
+    progress: Share = untold,
+) -> None:
+    """Match pairs of images, by their numbers, and find their geometries, in the database itself.
+
+    A pair that has matches already keeps them.
+    """
+    names = read_names(database)
+    lines = [f"{names[i]} {names[j]}\n" for i, j in pairs]
+    step = max(FEWEST, -(-len(lines) // TOLD))
+    for start in range(0, len(lines), step):
+        _match_listed(database, lines[start : start + step], seed, threads)
+        progress(min(1.0, (start + step) / len(lines)))
+
+
+def _match_listed(database: Path, lines: Sequence[str], seed: int, threads: int) -> None:
     """Match these pairs of names; what comes of a pair does not depend on the others."""
-    listed = folder / "pairs.txt"
+    listed = database.with_name("pairs.txt")
     listed.write_text("".join(lines), encoding="utf-8")
     geometry = pycolmap.TwoViewGeometryOptions()
     geometry.ransac.random_seed = seed
@@ -67,7 +99,7 @@ def _match_listed(folder: Path, lines: Sequence[str], seed: int, threads: int) -
     geometry.filter_stationary_matches = True
     geometry.stationary_matches_max_error = STILL
     pycolmap.match_image_pairs(
-        folder / DATABASE,
+        database,
         pycolmap.FeatureMatchingOptions(use_gpu=False, num_threads=threads),
         pycolmap.ImportedPairingOptions(match_list_path=listed),
         geometry,
@@ -94,8 +126,10 @@ def pair_up(count: int, matching: str) -> list[tuple[int, int]]:
     ]
 
 
-def _number(image: pycolmap.Image) -> int:
-    return image.image_id
+def read_names(database: Path) -> dict[int, str]:
+    """The names of the images by their numbers, in the order of these."""
+    with pycolmap.Database.open(database) as opened:
+        return dict(sorted((image.image_id, image.name) for image in opened.read_all_images()))
 
 
 def _count_verified(database: Path, tried: int) -> dict[str, object]:
@@ -117,14 +151,38 @@ def _count_verified(database: Path, tried: int) -> dict[str, object]:
     }
 
 
+def forget_pairs(database: Path, pairs: Sequence[tuple[int, int]]) -> None:
+    """Delete the matches and the geometries of pairs of images, by their numbers."""
+    with pycolmap.Database.open(database) as opened:
+        for i, j in pairs:
+            if opened.exists_matches(i, j):
+                opened.delete_matches(i, j)
+            if opened.exists_two_view_geometry(i, j):
+                opened.delete_two_view_geometry(i, j)
+
+
+def keep_untried(database: Path, pairs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Those of some pairs of images, by their numbers, that were not matched yet."""
+    with pycolmap.Database.open(database) as opened:
+        return [(i, j) for i, j in pairs if not opened.exists_matches(i, j)]
+
+
+def count_inliers(database: Path) -> dict[tuple[int, int], int]:
+    """How many matches fit the geometry of each pair that has one, the lower number first."""
+    with pycolmap.Database.open(database) as opened:
+        ids, geometries = opened.read_two_view_geometries()
+    return {
+        tuple(sorted(pycolmap.pair_id_to_image_pair(pair))): len(geometry.inlier_matches)
+        for pair, geometry in zip(ids, geometries, strict=True)
+        if len(geometry.inlier_matches)
+    }
+
+
 def linked(database: Path) -> dict[str, int]:
     """With how many others each photograph has verified matches."""
-    with pycolmap.Database.open(database) as opened:
-        names = {image.image_id: image.name for image in opened.read_all_images()}
-        ids, geometries = opened.read_two_view_geometries()
+    names = read_names(database)
     links = dict.fromkeys(names.values(), 0)
-    for pair, geometry in zip(ids, geometries, strict=True):
-        if len(geometry.inlier_matches):
-            for number in pycolmap.pair_id_to_image_pair(pair):
-                links[names[number]] += 1
+    for pair in count_inliers(database):
+        for number in pair:
+            links[names[number]] += 1
     return links

@@ -15,6 +15,7 @@ from silmesh.errors import InputError
 from silmesh.files import making
 
 DATABASE, MODEL = "database.db", "model"
+LARGEST = "largest"  # the model that the mapper found, where another was made of it
 
 
 @dataclass(frozen=True)

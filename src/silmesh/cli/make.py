@@ -106,7 +106,7 @@ def make_mesh(
 def _say_outcome(
     work: Workspace, variant: str, tried: Sequence[str], output: Path, unread: int
 ) -> None:
-    """Say what a file of cameras was warned of, the quality of the mesh, and what to do about it.
+    """Say what the stages warn of, the quality of the mesh, and what to do about it.
 
     Args:
         tried: the sources of cameras that were tried
@@ -115,6 +115,8 @@ def _say_outcome(
     metrics = _read(work, variant)
     if metrics["cameras"]["source"] == FILE:
         _say(*(_as_written(warning, tried[0]) for warning in metrics["cameras"]["warnings"]))
+    for stage in ("first", "fit"):
+        _say(*metrics[stage]["warnings"])
     doubts = find_doubts(metrics, work.folder / "results", tried, unread)
     click.echo(describe(output, metrics, doubts))
     _say(*(f"doubtful: {doubt}" for doubt in doubts))

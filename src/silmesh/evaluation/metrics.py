@@ -22,6 +22,7 @@ def evaluate(
     sigma: float,
     holdout: int = 0,
     initial: Mapping[str, Any] | None = None,
+    fit: Mapping[str, Any] | None = None,
     silhouettes: str | None = None,
     truth: trimesh.Trimesh | None = None,
     align: bool = False,
@@ -36,13 +37,14 @@ def evaluate(
         sigma: as in the fit, in squared half-image units
         holdout: every n-th view was kept out of the fit; 0 for none
         initial: ``init.json`` of the initial mesh
+        fit: ``fit.json`` of the fit
         silhouettes: where they lie, as the metrics say it
         truth: the true mesh, in the cameras' world
         align: register the mesh with the truth first
     Returns:
         the metrics, for JSON: ``docs/metrics.md`` says what each is
     """
-    iou = silhouette_iou(*to_tensors(mesh), cameras, scene.silhouettes, sigma)
+    iou = silhouette_iou(*to_tensors(mesh), cameras, scene.silhouettes, sigma, scene.frames)
     metrics = {
         **summarise_iou(iou, held_out(len(iou), holdout)),
         "hull_iou_mean": float(scene.coherence.mean()),
@@ -62,6 +64,9 @@ def evaluate(
     metrics["cameras"] = _describe_cameras(scene.notes)
     if initial is not None:
         metrics["first"] = dict(initial)
+        metrics["init_iou_mean"] = initial.get("iou_mean")
+    if fit is not None:
+        metrics["fit"] = dict(fit)
     metrics["iou"] = dict(zip(cameras.views, iou.tolist(), strict=True))
     return metrics
 

@@ -89,6 +89,8 @@ class Fast:
         silhouettes: [views, height, width] float32, 0 or 1
         settings: of the procedure; their ``holdout`` and ``device`` are the caller's
         weights: [views] how much each view counts; all the same if not given
+        known: [views, height, width], 0 or 1, the pixels of which each view says anything; all if
+            not given
     """
 
     def __init__(
@@ -99,19 +101,20 @@ class Fast:
         silhouettes: Tensor,
         settings: FastFit,
         weights: Tensor | None = None,
+        known: Tensor | None = None,
     ):
         self._settings, self._weights = settings, weights
         self._render = find_renderer(settings.renderer)
         sigma = settings.sigma_at(silhouettes.shape[-1])
-        self._levels = build_pyramid(cameras, silhouettes, sigma, settings.coarse_to_fine)
+        self._levels = build_pyramid(cameras, silhouettes, sigma, settings.coarse_to_fine, known)
         self._batches = math.ceil(len(cameras) / (settings.batch or len(cameras)))
         self._round = self._batches * math.ceil(ROUND / self._batches)
         self._refinement = Refinement(cameras)
         self._count = len(faces)
         self._take_faces(faces, len(template))
-        self._state = self._start(
-            move_to_silhouettes(template / INITIAL_SCALE, cameras, silhouettes.cpu()), faces
-        )
+        spoken = None if known is None else known.cpu()
+        placed = move_to_silhouettes(template / INITIAL_SCALE, cameras, silhouettes.cpu(), spoken)
+        self._state = self._start(placed, faces)
         self._even_out()
 
     def _start(self, verts: Tensor, faces: Tensor) -> State:
@@ -160,7 +163,8 @@ class Fast:
             cameras.project(verts), self.faces, tuple(silhouettes.shape[1:]), sigma=level.sigma
         )
         weights = None if self._weights is None else self._weights[index]
-        losses = self._objective(verts, alpha, silhouettes, weights)
+        known = None if level.known is None else level.known[index]
+        losses = self._objective(verts, alpha, silhouettes, weights, known)
         values = refuse_not_finite(losses.read())
         self._move(losses.loss, level)
         self._count_round(values["loss"])

@@ -1,7 +1,7 @@
 """A whole fit: from an initial mesh and a scene to the mesh, its cameras and its losses."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -10,13 +10,14 @@ import trimesh
 from torch import Tensor
 
 from silmesh.errors import InputError
+from silmesh.fitting.belief import find_belief
 from silmesh.fitting.checkpoint import Checkpoint
 from silmesh.fitting.loop import Record
 from silmesh.fitting.loop import run as run_fit
 from silmesh.fitting.presets import find_procedure
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.mesh_files import to_tensors
-from silmesh.own_code import naming
+from silmesh.own_code import naming, own_file
 from silmesh.scene.scene import Scene
 from silmesh.settings.fit import Fit, refuse_clash
 from silmesh.views import held_out
@@ -31,12 +32,19 @@ class Fitted:
         cameras: of all views in that world, corrected if the procedure does
         records: the losses before each step
         settings: by which it was fitted
+        notes: mean IoU of the start and of the end with what counts of the silhouettes, the views
+            of which not all counts, and what a person should know, in sentences
     """
 
     mesh: trimesh.Trimesh
     cameras: Cameras
     records: Sequence[Record]
     settings: Fit
+    notes: Mapping[str, Any] = field(default_factory=dict)
+
+    def warning(self, what: str) -> "Fitted":
+        """The same with another warning among its notes."""
+        return replace(self, notes={**self.notes, "warnings": [*self.notes["warnings"], what]})
 
 
 def fit_mesh(
@@ -62,20 +70,32 @@ def fit_mesh(
     cameras = scene.cameras
     counts = [scene.notes.get("weights", {}).get(view, 1.0) for view in cameras.views]
     out = held_out(len(cameras), settings.holdout)
-    kept = [i for i, count in enumerate(counts) if count and i not in out]
+    shown = [i for i, count in enumerate(counts) if count and i not in out]
+    belief = find_belief(scene, shown, getattr(settings, "judge_views", False))
+    kept, known = belief.views, belief.known
     device = _choose_device(settings)
     template, faces = (part.to(device) for part in to_tensors(mesh))
     silhouettes = torch.tensor(scene.silhouettes[kept]).to(device, torch.float32)
-    weights = _weights([counts[i] for i in kept], device)
+    weights = _weights(belief.weights.tolist(), device)
     parts = template, faces, cameras.select(kept), silhouettes, settings, weights
+    if known is not None and not own_file(settings.preset):
+        parts = *parts, torch.tensor(known).to(device, torch.float32)
     checkpoint = go_on(parts) if go_on else None
     with naming(settings.preset, settings.renderer):
         fit = find_procedure(settings.preset)(*parts)
+        start = fit.verts.clone(), fit.faces
         records = run_fit(fit, watch, checkpoint)
+        corrected = fit.correct(cameras, kept)
+        notes = {
+            "iou_start": belief.measure(*(part.cpu() for part in start), cameras, scene),
+            "iou_end": belief.measure(fit.verts.cpu(), fit.faces.cpu(), corrected, scene),
+            "distrusted": belief.distrusted,
+            "corrected": belief.corrected,
+            "warnings": belief.warnings,
+        }
         back = scene.similarity.inverse
         fitted = to_mesh(back.apply(fit.verts.double()), fit.faces)
-        corrected = fit.correct(cameras, kept).in_world_of(back)
-    return Fitted(fitted, corrected, records, settings)
+    return Fitted(fitted, corrected.in_world_of(back), records, settings, notes)
 
 
 def to_mesh(verts: Tensor, faces: Tensor) -> trimesh.Trimesh:

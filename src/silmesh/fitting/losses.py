@@ -42,9 +42,20 @@ class Objective:
         self._weights = weights
 
     def __call__(
-        self, verts: Tensor, alpha: Tensor, silhouettes: Tensor, weights: Tensor | None = None
+        self,
+        verts: Tensor,
+        alpha: Tensor,
+        silhouettes: Tensor,
+        weights: Tensor | None = None,
+        known: Tensor | None = None,
     ) -> Losses:
-        """The losses of vertices [verts, 3] and their rendering; see ``iou_loss``."""
+        """The losses of vertices [verts, 3] and their rendering; see ``iou_loss``.
+
+        Args:
+            known: [views, height, width], 0 to 1, how much of each pixel its photograph shows, as
+                silhouettes have to be multiplied by already; all of it if not given
+        """
+        alpha = alpha if known is None else alpha * known
         iou, laplacian = iou_loss(alpha, silhouettes, weights), self._laplacian(verts)
         flatten = self._flatten(verts)
         loss = iou + self._weights.laplacian * laplacian + self._weights.flatten * flatten

@@ -4,24 +4,34 @@ import torch
 from torch import Tensor
 
 from silmesh.geometry.camera import Cameras
+from silmesh.geometry.frame import WHOLE
 
 OVERLAP = 0.5  # a mesh is moved if the mean IoU of the bounding boxes is below this
 
 
-def move_to_silhouettes(verts: Tensor, cameras: Cameras, silhouettes: Tensor) -> Tensor:
+def move_to_silhouettes(
+    verts: Tensor, cameras: Cameras, silhouettes: Tensor, known: Tensor | None = None
+) -> Tensor:
     """Shift and scale a mesh so that its bounding boxes in the views match the silhouettes'.
 
     The shift is by least squares to the rays through the boxes' middles; the scale is the median
     over the views of the ratio of the boxes' diagonals. A mesh whose boxes overlap the silhouettes'
-    by half or more stays.
+    by half or more stays. Views whose frame cuts the silhouette have no say, if enough others are
+    there.
 
     Args:
         verts: [verts, 3]
         cameras: of the views
         silhouettes: [views, height, width], 0 or 1, none empty
+        known: as many, the pixels of which each view says anything: of all that it shows whole
     Returns:
         [verts, 3]
     """
+    if known is not None:
+        whole = known.flatten(1).all(dim=1).nonzero().squeeze(1).tolist()
+        if len(whole) < WHOLE:
+            return verts  # boxes that are cut tell no place
+        cameras, silhouettes = cameras.select(whole), silhouettes[whole]
     wished = _boxes_of(silhouettes)
     if _overlap(_boxes(cameras.project(verts)), wished) >= OVERLAP:
         return verts

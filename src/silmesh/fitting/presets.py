@@ -22,7 +22,8 @@ def find_procedure(preset: str) -> Callable[..., Procedure]:
     """The class that a preset's module names as its ``PROCEDURE``; only this module is loaded.
 
     It is called with an initial mesh's vertices and faces, cameras, silhouettes, the preset's
-    settings, and the views' weights or None. So is a person's own function, or class.
+    settings, the views' weights or None and, where frames cut silhouettes, the pixels that count.
+    So is a person's own function, or class, without the latter.
 
     Raises:
         InputError: as it is called, a person's own function fails or gives something else

@@ -24,6 +24,8 @@ class SoftRas:
         silhouettes: [views, height, width] float32, 0 or 1
         settings: of the procedure; their ``holdout`` and ``device`` are the caller's
         weights: [views] how much each view counts; all the same if not given
+        known: [views, height, width], 0 or 1, the pixels of which each view says anything; all if
+            not given
 
     Raises:
         InputError: the template does not fit the parametrisation
@@ -37,10 +39,12 @@ class SoftRas:
         silhouettes: Tensor,
         settings: SoftRasFit,
         weights: Tensor | None = None,
+        known: Tensor | None = None,
     ):
         self._shape = OctantSigmoid(template)
         self._adam = Adam(self._shape.parameters(), settings.betas)
-        self._cameras, self._silhouettes, self._weights = cameras, silhouettes, weights
+        self._cameras, self._weights, self._known = cameras, weights, known
+        self._silhouettes = silhouettes if known is None else silhouettes * known
         self._settings, self._render = settings, find_renderer(settings.renderer)
         self._objective = Objective(faces, len(template), settings.weights)
         self._steps = 0
@@ -65,7 +69,7 @@ class SoftRas:
         verts, sigma = self._shape(), self._settings.sigma
         size = tuple(self._silhouettes.shape[1:])
         alpha = self._render(self._cameras.project(verts), self.faces, size, sigma=sigma)
-        losses = self._objective(verts, alpha, self._silhouettes, self._weights)
+        losses = self._objective(verts, alpha, self._silhouettes, self._weights, self._known)
         values = refuse_not_finite(losses.read())
         self._shape.zero_grad()
         losses.loss.backward()

@@ -1,5 +1,7 @@
 """Signed distance of pixels to the outline of a silhouette, positive inside."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numba import njit
 
@@ -27,6 +29,19 @@ def signed_distance(silhouette: np.ndarray, far: float, grace: float = GRACE) ->
             max(0, columns[0] - most) : columns[-1] + most + 1,
         ]
         _measure(signed[part], silhouette[part], most, far, grace)
+    return signed
+
+
+def measure_within(silhouette: np.ndarray, part: Sequence[int], far: float) -> np.ndarray:
+    """The same by the pixels of a part of an image alone, of which the border is no outline.
+
+    Args:
+        part: left, top, right and bottom, in pixels; beyond it stands -far
+    """
+    left, top, right, bottom = part
+    signed = np.full(silhouette.shape, -far, np.float32)
+    within = np.ascontiguousarray(silhouette[top:bottom, left:right])
+    signed[top:bottom, left:right] = signed_distance(within, far)
     return signed
 
 

@@ -1,34 +1,52 @@
 """How well a mesh fits its silhouettes, and the silhouettes their cameras: IoU in the image."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import torch
 from torch import Tensor
 
 from silmesh.geometry.camera import Cameras
+from silmesh.geometry.frame import known_pixels
 from silmesh.geometry.overlap import iou
 from silmesh.geometry.visual_hull import Hull
 from silmesh.softras.batches import render_views
 
 
 def silhouette_iou(
-    verts: Tensor, faces: Tensor, cameras: Cameras, silhouettes: np.ndarray, sigma: float
+    verts: Tensor,
+    faces: Tensor,
+    cameras: Cameras,
+    silhouettes: np.ndarray,
+    sigma: float,
+    frames: Sequence[Sequence[int]] | None = None,
 ) -> np.ndarray:
     """IoU of the rendered alpha, thresholded at 0.5, with each silhouette.
+
+    Of a silhouette that its photograph's frame cuts, only what lies within the frame counts.
 
     Args:
         verts: [verts, 3] in the cameras' world
         faces: [faces, 3]
         silhouettes: [views, height, width] bool
         sigma: softness of the rendering, as in the fit
+        frames: [views, 4] of the photographs within the images; the whole images if not given
     Returns:
         [views]
     """
     alphas = render_views(cameras.project(verts), faces, silhouettes.shape[1:], sigma)
-    pairs = zip(alphas, silhouettes, strict=True)
-    return np.array([iou((alpha > 0.5).numpy(), silhouette) for alpha, silhouette in pairs])
+    known = known_pixels(silhouettes, frames)
+    parts = [None] * len(silhouettes) if known is None else known
+    rows = zip(alphas, silhouettes, parts, strict=True)
+    return np.array([iou((a > 0.5).numpy(), silhouette, part) for a, silhouette, part in rows])
 
 
-def coherence(hull: Hull, cameras: Cameras, silhouettes: np.ndarray) -> np.ndarray:
+def coherence(
+    hull: Hull,
+    cameras: Cameras,
+    silhouettes: np.ndarray,
+    frames: Sequence[Sequence[int]] | None = None,
+) -> np.ndarray:
     """IoU of the visual hull, rendered almost sharply, with each silhouette: [views].
 
     It is no ceiling for a mesh, which may overstep a silhouette. But where it is low, the cameras
@@ -42,5 +60,6 @@ def coherence(hull: Hull, cameras: Cameras, silhouettes: np.ndarray) -> np.ndarr
         torch.as_tensor(faces.astype(np.int64)),
         cameras,
         silhouettes,
-        sigma=1e-6,
+        1e-6,
+        frames,
     )

@@ -4,10 +4,13 @@ Each pixel of the new image is sampled where the lens projects it in the old ima
 moves no pixel around the silhouette by more than ``MATTERS`` is ignored, since resampling would
 cost more sharpness than it corrects. The new camera has the old K, unless the undistorted
 silhouette would leave its image; then its focal lengths are shorter.
+
+An undistorted photograph has a curved border. It is taken to fill its image, and where its frame
+cuts the silhouette to reach as far as a box does in which it showed something everywhere.
 """
 
 import shutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -17,6 +20,7 @@ from PIL import Image
 
 from silmesh.errors import InputError
 from silmesh.geometry.camera import Cameras
+from silmesh.geometry.frame import count_on_frame, whole_frames
 from silmesh.geometry.lens import Lens
 
 MATTERS = 0.1  # pixels of the working image: a lens that moves the silhouette less is ignored
@@ -34,11 +38,14 @@ class Undistorted:
         sources: by the views that change: [height, width, 2] float32, where each pixel of the new
             image lies in the old one, in pixels; NaN where it showed nothing
         displacement: in pixels of the working images, the largest that any lens causes
+        frames: [views, 4] left, top, right and bottom of the photographs within the new
+            images; None if that was not asked
     """
 
     cameras: Cameras
     sources: Mapping[str, np.ndarray]
     displacement: float
+    frames: np.ndarray | None = None
 
     def silhouettes(self, old: np.ndarray) -> np.ndarray:
         """Silhouettes [views, height, width] bool in the order of the cameras, undistorted."""
@@ -68,7 +75,9 @@ class Undistorted:
             self.image(view, image).save(new)
 
 
-def undistort(cameras: Cameras, silhouettes: np.ndarray) -> Undistorted:
+def undistort(
+    cameras: Cameras, silhouettes: np.ndarray, frames: Sequence[Sequence[int]] | None = None
+) -> Undistorted:
     """Take the lenses away from cameras.
 
     A view whose silhouette is empty is taken to show the object where any of the others does.
@@ -76,12 +85,15 @@ def undistort(cameras: Cameras, silhouettes: np.ndarray) -> Undistorted:
     Args:
         cameras: in pixels of the silhouettes
         silhouettes: [views, height, width] bool, not all empty
+        frames: [views, 4] of the photographs within the images; the whole images if not given
 
     Raises:
         InputError: a silhouette lies where its lens shows no direction that a pinhole sees
     """
     K, sources, most = cameras.K.numpy().copy(), {}, 0.0
-    anywhere = silhouettes.any(axis=0)
+    anywhere, whole = silhouettes.any(axis=0), whole_frames(silhouettes)
+    frames = whole if frames is None else np.asarray(frames)
+    left = frames.copy()
     for i, (view, lens, silhouette) in enumerate(
         zip(cameras.views, cameras.lenses, silhouettes, strict=True)
     ):
@@ -101,8 +113,10 @@ def undistort(cameras: Cameras, silhouettes: np.ndarray) -> Undistorted:
             new = _fit(undistorted, silhouette) @ K[i]
             sources[view] = _find_sources(silhouette.shape, new, K[i], lens)
             K[i] = new
+            cut = count_on_frame(silhouettes[i], frames[i]) > 0
+            left[i] = _find_frame(sources[view], frames[i]) if cut else whole[i]
     pinholes = replace(cameras, K=torch.as_tensor(K), lenses=())
-    return Undistorted(pinholes, sources, most)
+    return Undistorted(pinholes, sources, most, left)
 
 
 def _box_points(silhouette: np.ndarray) -> np.ndarray:
@@ -148,6 +162,22 @@ def _find_sources(
     rows, columns = np.indices(shape)
     centres = np.stack([columns, rows], axis=-1) + 0.5
     return _to_pixels(lens.distort(_normalise(centres, new)), old).astype(np.float32)
+
+
+def _find_frame(sources: np.ndarray, frame: np.ndarray) -> list[int]:
+    """A box of new pixels of which each was within the photograph's frame in the old image.
+
+    From the whole image on, the side that holds the largest share of others is moved inwards.
+    """
+    with np.errstate(invalid="ignore"):
+        there = ((sources > frame[:2]) & (sources < frame[2:])).all(axis=2)
+    left, top, bottom, right = 0, 0, *there.shape
+    while not (box := there[top:bottom, left:right]).all():
+        sides = [box[:, 0], box[0], box[:, -1], box[-1]]
+        worst = int(np.argmin([side.mean() for side in sides]))
+        left, top = left + (worst == 0), top + (worst == 1)
+        right, bottom = right - (worst == 2), bottom - (worst == 3)
+    return [left, top, right, bottom]
 
 
 def _sample(image: np.ndarray, sources: np.ndarray, mode: str) -> np.ndarray:

@@ -9,8 +9,12 @@ The grid is filled in blocks, which are subdivided like an octree. A signed dist
 its value at a block's middle bounds it in the whole block. Most blocks are found to lie wholly
 outside or inside; the others are subdivided, and only the views that can hold the minimum are
 passed on to their parts.
+
+A view whose photograph's frame cuts the silhouette says nothing beyond that frame, nor is the cut
+an outline: distances are to the pixels of the other kind within the frame alone.
 """
 
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -21,12 +25,13 @@ from numba import njit
 from skimage.measure import marching_cubes
 
 from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
-from silmesh.geometry.frame import is_cut
-from silmesh.geometry.signed_distance import signed_distance
+from silmesh.geometry.frame import open_frames
+from silmesh.geometry.signed_distance import measure_within
 
 REACH = 1 / 16  # signed distances are cut off beyond this share of the image's side
 COARSE = 48  # samples a side of the first grid, which only finds the hull's bounding box
 BLOCKS = (16, 4, 2)  # samples a side of a block at each level of the subdivision
+ENCLOSING = 2  # views that have to see a camera's place before it stands inside the object
 STEEP = 1.4143  # greatest slope of a bilinearly interpolated signed distance: sqrt(2)
 
 
@@ -66,6 +71,7 @@ class _Outlines(NamedTuple):
     Attributes:
         distances: [views, height, width] float32, signed, cut off at ``far``
         cut: [views] bool, whether the frame cuts the silhouette
+        spoken: [views, 4] left, top, right and bottom of the pixels that each view speaks of
         P: [views, 3, 4]
         ahead: [views], greatest change of the depth by a step of length 1 in the world
         across: [views], greatest movement of a projection at depth 1 by such a step, in pixels
@@ -74,6 +80,7 @@ class _Outlines(NamedTuple):
 
     distances: np.ndarray
     cut: np.ndarray
+    spoken: np.ndarray
     P: np.ndarray
     ahead: np.ndarray
     across: np.ndarray
@@ -81,7 +88,11 @@ class _Outlines(NamedTuple):
 
 
 def carve(
-    silhouettes: np.ndarray, cameras: Cameras, resolution: int = 128, tolerated: int = 0
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+    resolution: int = 128,
+    tolerated: int = 0,
+    frames: Sequence[Sequence[int]] | None = None,
 ) -> Hull:
     """Carve the visual hull out of the cube about the sphere that holds the object.
 
@@ -90,10 +101,11 @@ def carve(
         cameras: of these views, in the normalised world
         resolution: samples along each side of the box that the hull fills
         tolerated: how many views may see a point of the hull outside their silhouette
+        frames: [views, 4] of the photographs within the images; the whole images if not given
     """
     low, high = np.full(3, -1.6 * OBJECT_RADIUS), np.full(3, 1.6 * OBJECT_RADIUS)
     with ThreadPoolExecutor(torch.get_num_threads()) as pool:
-        outlines = _outlines(silhouettes, cameras, pool)
+        outlines = _outlines(silhouettes, cameras, pool, frames)
         cell = _half_cell(cameras, (high - low) / (COARSE - 1))
         coarse = _sample(outlines, low, high, COARSE, tolerated, cell, pool)
         filled = np.argwhere(coarse.field > -min(0.95 * outlines.far, cell))
@@ -105,7 +117,9 @@ def carve(
         return _sample(outlines, low, high, resolution, tolerated, cell, pool)
 
 
-def find_outlier_views(silhouettes: np.ndarray, cameras: Cameras) -> list[int]:
+def find_outlier_views(
+    silhouettes: np.ndarray, cameras: Cameras, frames: Sequence[Sequence[int]] | None = None
+) -> list[int]:
     """Find the views that contradict the others most.
 
     If the hull is empty, these are the views that empty it. Of the points that the fewest views
@@ -115,28 +129,67 @@ def find_outlier_views(silhouettes: np.ndarray, cameras: Cameras) -> list[int]:
     Args:
         silhouettes: [views, height, width] bool
         cameras: of these views, in the normalised world
+        frames: [views, 4] as ``carve`` takes them
     Returns:
         positions of views; none if every point outside is rejected by more than one view
     """
     low, spacing = np.full(3, -OBJECT_RADIUS), np.full(3, 2 * OBJECT_RADIUS / (COARSE - 1))
     with ThreadPoolExecutor(torch.get_num_threads()) as pool:
-        outlines = _outlines(silhouettes, cameras, pool)
+        outlines = _outlines(silhouettes, cameras, pool, frames)
     against = _votes_against(outlines, low, spacing, COARSE)
     fewest = max(1, int(against.sum(axis=1).min()))
     sets, count = np.unique(against[against.sum(axis=1) == fewest], axis=0, return_counts=True)
     return np.flatnonzero(sets[count.argmax()]).tolist() if len(sets) else []
 
 
-def _outlines(silhouettes: np.ndarray, cameras: Cameras, pool: ThreadPoolExecutor) -> _Outlines:
+def find_enclosed(
+    silhouettes: np.ndarray, cameras: Cameras, frames: Sequence[Sequence[int]] | None = None
+) -> list[int]:
+    """The positions of the cameras that stand inside the hull of the other views.
+
+    A view says nothing of its own camera's place. Of the others at least two have to see it, all of
+    them within their silhouettes.
+
+    Args:
+        silhouettes: [views, height, width] bool
+        cameras: of these views, in the normalised world
+        frames: [views, 4] as ``carve`` takes them
+    """
+    near = np.flatnonzero(cameras.centres.norm(dim=1).numpy() <= OBJECT_RADIUS)
+    if not len(near):
+        return []
+    with ThreadPoolExecutor(torch.get_num_threads()) as pool:
+        outlines = _outlines(silhouettes, cameras, pool, frames)
+    found = []
+    for i in near:
+        x, y, z = cameras.centres[i].tolist()
+        others = np.delete(np.arange(len(cameras)), i)
+        signed = np.array([_view_distance(outlines, v, x, y, z) for v in others])
+        if np.isfinite(signed).sum() >= ENCLOSING and signed.min() > 0:
+            found.append(int(i))
+    return found
+
+
+def _outlines(
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+    pool: ThreadPoolExecutor,
+    frames: Sequence[Sequence[int]] | None,
+) -> _Outlines:
     height, width = silhouettes.shape[1:]
     far = REACH * max(height, width)
-    distances = np.stack(list(pool.map(lambda s: signed_distance(s, far), silhouettes)))
+    cut, spoken = open_frames(silhouettes, frames)
+
+    def measure(i: int) -> np.ndarray:
+        return measure_within(silhouettes[i], spoken[i], far)
+
+    distances = np.stack(list(pool.map(measure, range(len(silhouettes)))))
     P = np.ascontiguousarray(cameras.projections.numpy())
     corners = np.array([[0, 0], [0, height], [width, 0], [width, height]])
     off = P[:, None, :2, :3] - corners[:, :, None] * P[:, None, 2:, :3]  # [views, 4, 2, 3]
     across = np.sqrt((off**2).sum(axis=(2, 3))).max(axis=1)  # convex in the pixel
     ahead = np.linalg.norm(P[:, 2, :3], axis=1)
-    return _Outlines(distances, is_cut(silhouettes), P, ahead, across, far)
+    return _Outlines(distances, cut, spoken, P, ahead, across, far)
 
 
 def _half_cell(cameras: Cameras, spacing: np.ndarray) -> float:
@@ -173,8 +226,9 @@ def _sample(
 def _fill(field, outlines, low, spacing, tolerated, band):
     """Fill every sample [x, y, z] with the (``tolerated`` + 1)-th lowest distance over the views.
 
-    A sample that projects beyond a view's image is outside, unless the frame cuts the silhouette,
-    in which case the view is skipped. A sample that all but ``tolerated`` views skip is outside.
+    A sample that projects beyond a view's image is outside, unless the frame cuts the silhouette:
+    then the view is skipped beyond its frame. A sample that all but ``tolerated`` views skip is
+    outside.
 
     A block's parts are filled before the next block of its size. So one list of views a size is
     enough: those that can hold the minimum in the current block.
@@ -245,7 +299,6 @@ def _push(waiting, left, i, j, k, level, end):
 def _fill_samples(field, i, j, k, views, outlines, low, spacing, lows):
     """Fill a block of the smallest size sample by sample from these views."""
     side, far, m, last = BLOCKS[-1], outlines.far, outlines.P, lows.shape[1] - 1
-    _, height, width = outlines.distances.shape
     lows[:] = np.inf
     n, o, p = (
         min(side, field.shape[0] - i),
@@ -254,6 +307,7 @@ def _fill_samples(field, i, j, k, views, outlines, low, spacing, lows):
     )
     for v in views:
         nothing = np.inf if outlines.cut[v] else -far
+        left, top, right, bottom = outlines.spoken[v]
         s = 0
         for a in range(i, i + n):
             x = low[0] + a * spacing[0]
@@ -268,7 +322,7 @@ def _fill_samples(field, i, j, k, views, outlines, low, spacing, lows):
                     u = (column + m[v, 0, 2] * z) * near - 0.5
                     w = (row + m[v, 1, 2] * z) * near - 0.5
                     value = nothing
-                    if near > 0 and 0 <= u < width - 1 and 0 <= w < height - 1:
+                    if near > 0 and left <= u < right - 1 and top <= w < bottom - 1:
                         value = _interpolate(outlines.distances, v, u, w)
                     if value < lows[s, last]:
                         _keep_lowest(lows, s, value)
@@ -288,8 +342,8 @@ def _view_distance(outlines, v, x, y, z):
     near = 1 / (m[v, 2, 0] * x + m[v, 2, 1] * y + m[v, 2, 2] * z + m[v, 2, 3])
     u = (m[v, 0, 0] * x + m[v, 0, 1] * y + m[v, 0, 2] * z + m[v, 0, 3]) * near - 0.5
     w = (m[v, 1, 0] * x + m[v, 1, 1] * y + m[v, 1, 2] * z + m[v, 1, 3]) * near - 0.5
-    _, height, width = outlines.distances.shape
-    if near > 0 and 0 <= u < width - 1 and 0 <= w < height - 1:
+    left, top, right, bottom = outlines.spoken[v]
+    if near > 0 and left <= u < right - 1 and top <= w < bottom - 1:
         return _interpolate(outlines.distances, v, u, w)
     return np.inf if outlines.cut[v] else -outlines.far
 
@@ -318,7 +372,6 @@ def _bound(outlines, deciding, x, y, z, radius, band, lower, lows):
         lows: [2 or more, tolerated + 1], scratch space
     """
     m, far, images = outlines.P, outlines.far, outlines.distances
-    _, height, width = images.shape
     lows[:2] = np.inf
     last = lows.shape[1] - 1
     for at in range(len(deciding)):
@@ -330,7 +383,8 @@ def _bound(outlines, deciding, x, y, z, radius, band, lower, lows):
         nearest = depth - radius * outlines.ahead[v]
         nothing = np.inf if outlines.cut[v] else -far
         reach = radius * outlines.across[v] / nearest
-        inside = min(min(u, width - 1 - u), min(w, height - 1 - w))
+        left, top, right, bottom = outlines.spoken[v]
+        inside = min(min(u - left, right - 1 - u), min(w - top, bottom - 1 - w))
         if nearest > 0 and inside < -reach:
             least = most = nothing
         elif nearest <= 0 or inside <= reach:

@@ -215,6 +215,7 @@ def _describe_run(variant: str, result: Result, order: Sequence[str]) -> dict[st
         "numbers": {m.key: metrics.get(m.key) for m in METRICS},
         "incoherent": is_incoherent(metrics),
         "initial": describe_initial(metrics.get("first", {})),
+        "fit_warnings": metrics.get("fit", {}).get("warnings", []),
         "thumbnail": _embed_thumbnail(result.picture),
         "cameras": metrics.get("cameras"),
         "fitted": result.exhibit["fitted"],

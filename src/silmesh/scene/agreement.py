@@ -11,9 +11,9 @@ from silmesh.geometry.camera import Cameras, Similarity
 from silmesh.geometry.silhouette_iou import coherence
 from silmesh.geometry.thresholds import COHERENT, REFUSED
 from silmesh.geometry.undistortion import Undistorted, undistort
-from silmesh.geometry.visual_hull import carve
+from silmesh.geometry.visual_hull import carve, find_enclosed
 from silmesh.scene.outliers import find_outliers
-from silmesh.scene.scene import find_similarity, refuse_camera_inside
+from silmesh.scene.scene import find_similarity, refuse_enclosed
 
 FEWEST = 2  # least number of silhouettes that are not empty
 # Of attempts whose hull IoU differs by less than this, the one with the most views is taken.
@@ -58,6 +58,7 @@ def normalise(
     silhouettes: np.ndarray,
     keep_world: bool = False,
     resolution: int = 128,
+    frames: np.ndarray | None = None,
     suspects: Collection[str] = (),
 ) -> Normalised:
     """Take the cameras' lenses away, normalise their world and measure their coherence.
@@ -70,10 +71,12 @@ def normalise(
         silhouettes: [views, height, width] bool, of the cameras' views
         keep_world: it is normalised already
         resolution: of the hull, as ``carve`` takes it
+        frames: [views, 4] of the photographs within the images; the whole images if not given
         suspects: views that the cameras' source names as contradicted, left out first
 
     Raises:
-        InputError: the cameras do not look at one object, or fewer than two silhouettes show it
+        InputError: the cameras do not look at one object, one stands inside it, or fewer than two
+            silhouettes show it
     """
     shown = find_shown(silhouettes)
     if len(shown) < FEWEST:
@@ -81,20 +84,23 @@ def normalise(
             f"{len(shown)} of the {len(cameras)} views with a camera have a silhouette that is not "
             f"empty; should be {FEWEST} or more"
         )
-    undistorted = undistort(cameras, silhouettes)
+    undistorted = undistort(cameras, silhouettes, frames)
     cameras, silhouettes = undistorted.cameras, undistorted.silhouettes(silhouettes)
     kept, silhouettes = cameras.select(shown), silhouettes[shown]
+    spoken = undistorted.frames[shown]
     all_views = np.arange(len(shown))
     outlined = _find_outlined(silhouettes)
-    found = _measure(kept, silhouettes, outlined, all_views, keep_world, resolution)
+    found = _measure(kept, silhouettes, spoken, outlined, all_views, keep_world, resolution)
     contradicted = all_views[:0]
     if found[1].mean() < COHERENT:
         found, contradicted = _measure_without_outliers(
-            found, kept, silhouettes, keep_world, resolution, suspects
+            found, kept, silhouettes, spoken, keep_world, resolution, suspects
         )
     similarity, shares = found
     cameras = cameras.in_world_of(similarity)
-    refuse_camera_inside(cameras)
+    left = np.setdiff1d(all_views, contradicted)
+    inside = cameras.select(shown[left])
+    refuse_enclosed(inside, find_enclosed(silhouettes[left], inside, spoken[left]))
     agreement = np.zeros(len(cameras))
     agreement[shown] = shares
     empty = np.setdiff1d(np.arange(len(cameras)), shown)
@@ -113,6 +119,7 @@ def _find_outlined(silhouettes: np.ndarray) -> np.ndarray:
 def _measure(
     cameras: Cameras,
     silhouettes: np.ndarray,
+    frames: np.ndarray,
     placing: np.ndarray,
     carving: np.ndarray,
     keep_world: bool,
@@ -122,17 +129,19 @@ def _measure(
     similarity = (
         Similarity.identity()
         if keep_world
-        else find_similarity(cameras.select(placing), silhouettes[placing])
+        else find_similarity(cameras.select(placing), silhouettes[placing], frames[placing])
     )
     cameras = cameras.in_world_of(similarity)
-    hull = carve(silhouettes[carving], cameras.select(carving), resolution)
-    return similarity, coherence(hull, cameras, silhouettes)
+    chosen = cameras.select(carving)
+    hull = carve(silhouettes[carving], chosen, resolution, frames=frames[carving])
+    return similarity, coherence(hull, cameras, silhouettes, frames)
 
 
 def _measure_without_outliers(
     found: tuple[Similarity, np.ndarray],
     cameras: Cameras,
     silhouettes: np.ndarray,
+    frames: np.ndarray,
     keep_world: bool,
     resolution: int,
     suspects: Collection[str],
@@ -146,15 +155,17 @@ def _measure_without_outliers(
     inliers, best = everyone, found[1].mean()
     left = np.array([i for i in everyone if cameras.views[i] not in suspects])
     if FEWEST <= len(left) < len(everyone):
-        again = _measure(cameras, silhouettes, left, left, keep_world, resolution)
+        again = _measure(cameras, silhouettes, frames, left, left, keep_world, resolution)
         if again[1][left].mean() >= max(COHERENT, best):
             return again, np.setdiff1d(everyone, left)
     for _ in range(ROUNDS):
-        verdict = find_outliers(silhouettes[inliers], cameras.select(inliers).in_world_of(found[0]))
+        verdict = find_outliers(
+            silhouettes[inliers], cameras.select(inliers).in_world_of(found[0]), frames[inliers]
+        )
         left = inliers[verdict.inliers]
         if verdict.refusal or not verdict.outliers or 2 * len(left) <= len(everyone):
             break
-        again = _measure(cameras, silhouettes, left, left, keep_world, resolution)
+        again = _measure(cameras, silhouettes, frames, left, left, keep_world, resolution)
         mean = again[1][left].mean()
         if mean < best + NEAR:
             break
@@ -164,16 +175,19 @@ def _measure_without_outliers(
     return found, np.setdiff1d(everyone, inliers)
 
 
-def refuse_incoherent(attempt: Attempt, silhouettes: np.ndarray) -> Attempt:
+def refuse_incoherent(
+    attempt: Attempt, silhouettes: np.ndarray, frames: np.ndarray | None = None
+) -> Attempt:
     """The attempt with its ``coherence`` among its figures, or refused for it.
 
     Args:
         silhouettes: [views, height, width] bool, of the views that have a camera
+        frames: [views, 4] of their photographs within the images, as ``place`` takes them
     """
     if attempt.cameras is None:
         return attempt
     try:
-        normalised = normalise(attempt.cameras, silhouettes)
+        normalised = normalise(attempt.cameras, silhouettes, frames=frames)
     except InputError as error:
         why = f"cameras {attempt.source!r}: {error}"
         return replace(attempt, cameras=None, refusal=why)

@@ -57,16 +57,16 @@ def build_scene(
     Raises:
         InputError: no attempt gives cameras that can be used; says why, and what was measured
     """
-    silhouettes_of = _Silhouettes(views, silhouettes)
+    shown = _Shown(views, silhouettes)
     named = zip(attempts, names or [attempt.source for attempt in attempts], strict=True)
-    settled = [_normalise(attempt, name, silhouettes_of, keep_world) for attempt, name in named]
+    settled = [_normalise(attempt, name, shown, keep_world) for attempt, name in named]
     attempts, normalised = [attempt for attempt, _ in settled], [cameras for _, cameras in settled]
     if not any(normalised):
         ordered = any(attempt.source != FILE for attempt in attempts)
         raise InputError(_explain(attempts, diagnose(silhouettes, views, ordered=ordered)))
     taken, why = choose(attempts, normalised)
     attempt, best = attempts[taken], normalised[taken]
-    undistorted = best.undistorted.silhouettes(silhouettes_of(best.cameras.views))
+    undistorted = best.undistorted.silhouettes(shown.silhouettes(best.cameras.views))
     attempt = _warn_of_contradicted(attempt, best)
     notes = {
         **_note_cameras(attempt, best, why),
@@ -87,26 +87,32 @@ def build_scene(
     return Assembled(scene, best.undistorted, taken, attempt)
 
 
-class _Silhouettes:
-    """The silhouettes of all views [views, size, size], to be had of some by their names."""
+class _Shown:
+    """What all views show: silhouettes [views, size, size], to be had of some by their names."""
 
     def __init__(self, views: Sequence[View], silhouettes: np.ndarray):
         self._positions = {view.view: position for position, view in enumerate(views)}
         self._all = silhouettes
+        self._frames = np.array([view.frame for view in views])
 
-    def __call__(self, views: Sequence[str]) -> np.ndarray:
+    def silhouettes(self, views: Sequence[str]) -> np.ndarray:
         return self._all[[self._positions[view] for view in views]]
+
+    def frames(self, views: Sequence[str]) -> np.ndarray:
+        """Left, top, right and bottom of their photographs in the working images: [n, 4]."""
+        return self._frames[[self._positions[view] for view in views]]
 
 
 def _normalise(
-    attempt: Attempt, name: str, silhouettes_of: _Silhouettes, keep_world: bool
+    attempt: Attempt, name: str, shown: _Shown, keep_world: bool
 ) -> tuple[Attempt, Normalised | None]:
     """An attempt and its cameras in the normalised world; None, and why, if it gives none."""
     if attempt.cameras is None:
         return attempt, None
     try:
         with blaming(attempt.figures.get("file", name)):
-            return settle(attempt, silhouettes_of(attempt.cameras.views), keep_world)
+            named = attempt.cameras.views
+            return settle(attempt, shown.silhouettes(named), keep_world, shown.frames(named))
     except InputError as error:
         return replace(attempt, refusal=str(error)), None
 
@@ -136,7 +142,9 @@ def _note_cameras(attempt: Attempt, best: Normalised, why: str) -> dict[str, Any
 
 def _note_views(best: Normalised, views: Sequence[View]) -> dict[str, Any]:
     """What it says of photographs, and where they lie in their working images."""
-    frames = _frames(best, views)
+    kept = zip(best.cameras.views, best.undistorted.frames.tolist(), strict=True)
+    there = dict(kept)
+    frames = {view.view: there[view.view] for view in views if view.view in there}
     return {
         "unreadable": [view.view for view in views if view.unreadable],
         "frame": _around(frames.values()),
@@ -165,20 +173,6 @@ def _drop_alike(refusals: Sequence[str]) -> list[str]:
     return list({re.sub(r"\d+", "", refusal): refusal for refusal in refusals}.values())
 
 
-def _frames(best: Normalised, views: Sequence[View]) -> dict[str, list[int]]:
-    """Left, top, right and bottom of each photograph in its working image.
-
-    An undistorted photograph has no straight border, and is taken to fill its image.
-    """
-    return {
-        view.view: [0, 0, view.size, view.size]
-        if view.view in best.undistorted.sources
-        else list(view.frame)
-        for view in views
-        if view.view in best.cameras.views
-    }
-
-
 def _around(frames: Iterable[Sequence[int]]) -> list[int]:
     """The box that holds all of some frames: left, top, right and bottom."""
     left, top, right, bottom = zip(*frames, strict=True)
@@ -190,6 +184,6 @@ def _name_outliers(best: Normalised, silhouettes: np.ndarray) -> list[str]:
     if best.mean >= COHERENT:
         return []
     views, shown = best.cameras.views, find_shown(silhouettes)
-    return [
-        views[shown[i]] for i in find_outlier_views(silhouettes[shown], best.cameras.select(shown))
-    ]
+    frames = best.undistorted.frames[shown]
+    cameras = best.cameras.select(shown)
+    return [views[shown[i]] for i in find_outlier_views(silhouettes[shown], cameras, frames)]

@@ -88,7 +88,10 @@ class Reading:
 
 
 def settle(
-    attempt: Attempt, silhouettes: np.ndarray, keep_world: bool = False
+    attempt: Attempt,
+    silhouettes: np.ndarray,
+    keep_world: bool = False,
+    frames: np.ndarray | None = None,
 ) -> tuple[Attempt, Normalised]:
     """Place an attempt's cameras; those of a file as the silhouettes show that they are meant.
 
@@ -96,6 +99,7 @@ def settle(
         attempt: with cameras
         silhouettes: [views, height, width] bool, of the cameras' views
         keep_world: their world is normalised already
+        frames: [views, 4] of the photographs within the images; the whole images if not given
     Returns:
         the attempt, perhaps mirrored, with what a person should know among its warnings
     Raises:
@@ -104,13 +108,15 @@ def settle(
     """
     if attempt.source != FILE or keep_world or len(find_shown(silhouettes)) < FEWEST:
         suspects = attempt.figures.get("disagreeing", ())
-        return attempt, normalise(attempt.cameras, silhouettes, keep_world, suspects=suspects)
+        return attempt, normalise(
+            attempt.cameras, silhouettes, keep_world, frames=frames, suspects=suspects
+        )
     faced = _face(attempt, silhouettes)
-    normalised, why = _try_to_normalise(faced, silhouettes)
+    normalised, why = _try_to_normalise(faced, silhouettes, frames)
     mean = normalised.mean if normalised else 0.0
     if mean >= COHERENT and faced is attempt:
         return _tell_taken(faced, mean), normalised
-    found, agreed, own = _find_fitting(attempt, faced, silhouettes, mean >= COHERENT)
+    found, agreed, own = _find_fitting(attempt, faced, silhouettes, mean >= COHERENT, frames)
     better = agreed >= max(FITS, own + (NEAR if mean >= COHERENT else GAIN))
     doubted = faced.mirrored or faced.doubt is not None
     if normalised and not better and (mean >= REFUSED or not doubted):
@@ -139,13 +145,15 @@ def _face(attempt: Attempt, silhouettes: np.ndarray) -> Attempt:
     return replace(attempt, cameras=turned, mirrored=not attempt.mirrored)
 
 
-def _try_to_normalise(attempt: Attempt, silhouettes: np.ndarray) -> tuple[Normalised | None, str]:
+def _try_to_normalise(
+    attempt: Attempt, silhouettes: np.ndarray, frames: np.ndarray | None
+) -> tuple[Normalised | None, str]:
     """The cameras normalised, if they can be, and what speaks against them."""
     said = [attempt.doubt.removeprefix(f"{_file(attempt)}: ")] if attempt.doubt else []
     if attempt.mirrored:
         said.append("the matrices mirror, as of a left-handed world or of rows counted from below")
     try:
-        normalised = normalise(attempt.cameras, silhouettes)
+        normalised = normalise(attempt.cameras, silhouettes, frames=frames)
     except InputError as error:
         if attempt.signless:
             said.append("the signs are such that all matrices mirror, or none does")
@@ -195,7 +203,11 @@ def _file(attempt: Attempt) -> str:
 
 
 def _find_fitting(
-    attempt: Attempt, faced: Attempt, silhouettes: np.ndarray, pixels_only: bool
+    attempt: Attempt,
+    faced: Attempt,
+    silhouettes: np.ndarray,
+    pixels_only: bool,
+    frames: np.ndarray | None,
 ) -> tuple[Reading | None, float, float]:
     """Of the other readings the most coherent, or a more usual one that is nearly so.
 
@@ -203,6 +215,7 @@ def _find_fitting(
         attempt: as it was read
         faced: as it is judged
         pixels_only: whether only pixels counted from another side are in question
+        frames: of the photographs, as ``settle`` takes them
     Returns:
         the reading, its hull IoU over some of the views, and that of the attempt over the same
     """
@@ -210,9 +223,10 @@ def _find_fitting(
     some = shown[np.linspace(0, len(shown) - 1, min(len(shown), VIEWS)).round().astype(int)]
     cameras, silhouettes = attempt.cameras.select(some), silhouettes[some]
     cameras = cameras.in_mirrored_world() if attempt.mirrored else cameras
-    own = _measure(faced.cameras.select(some), silhouettes)
+    frames = frames if frames is None else frames[some]
+    own = _measure(faced.cameras.select(some), silhouettes, frames)
     try:
-        undistorted = undistort(cameras, silhouettes)
+        undistorted = undistort(cameras, silhouettes, frames)
     except InputError:
         return None, 0.0, own
     silhouettes = undistorted.silhouettes(silhouettes)
@@ -220,7 +234,7 @@ def _find_fitting(
     sides = _from_other_sides(undistorted.cameras)
     for reading in sides if pixels_only else _read_otherwise(attempt, undistorted.cameras):
         if (stood := _stand(reading, silhouettes, attempt.signless)) is not None:
-            scored.append((_measure(stood, silhouettes), reading))
+            scored.append((_measure(stood, silhouettes, undistorted.frames), reading))
         if len(scored) == MOST or (scored and scored[-1][0] >= 1 - NEAR):  # none can be better
             break
     if not scored:
@@ -230,10 +244,10 @@ def _find_fitting(
     return reading, mean, own
 
 
-def _measure(cameras: Cameras, silhouettes: np.ndarray) -> float:
+def _measure(cameras: Cameras, silhouettes: np.ndarray, frames: np.ndarray | None) -> float:
     """The hull IoU, coarsely; 0 where the cameras cannot be normalised."""
     try:
-        return normalise(cameras, silhouettes, resolution=RESOLUTION).mean
+        return normalise(cameras, silhouettes, resolution=RESOLUTION, frames=frames).mean
     except InputError:
         return 0.0
 

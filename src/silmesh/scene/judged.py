@@ -89,12 +89,12 @@ def judge_scene(
         policy, fewest, scene.silhouettes, scene.cameras, segment, frames, lost, unreadable
     )
     colours = compare_all(scene.images, views, decision.silhouettes, frames)
-    left = _measure(scene, decision, keep_world)
+    left = _measure(scene, decision, keep_world, frames)
     left = replace(left, notes=_note(notes, views, decision, colours))
     return Judged(left, views, frames, decision, colours)
 
 
-def _measure(scene: Scene, decision: Decision, keep_world: bool) -> Scene:
+def _measure(scene: Scene, decision: Decision, keep_world: bool, frames: np.ndarray) -> Scene:
     """The views that are left, their world by their silhouettes, and coherence.
 
     A scene in which nothing changes is left as it is, to the last bit.
@@ -103,23 +103,24 @@ def _measure(scene: Scene, decision: Decision, keep_world: bool) -> Scene:
         return scene
     kept = scene.cameras.select(decision.fitted)
     silhouettes, similarity = decision.silhouettes[decision.fitted], scene.similarity
+    frames = frames[decision.fitted]
     if not keep_world:
-        kept, similarity = _normalise(kept, silhouettes, similarity)
+        kept, similarity = _normalise(kept, silhouettes, similarity, frames)
     return replace(
         scene,
         cameras=kept,
         similarity=similarity,
         silhouettes=silhouettes,
-        coherence=coherence(carve(silhouettes, kept), kept, silhouettes),
+        coherence=coherence(carve(silhouettes, kept, frames=frames), kept, silhouettes, frames),
     )
 
 
 def _normalise(
-    cameras: Cameras, silhouettes: np.ndarray, before: Similarity
+    cameras: Cameras, silhouettes: np.ndarray, before: Similarity, frames: np.ndarray
 ) -> tuple[Cameras, Similarity]:
     """Cameras of a world that was normalised by other silhouettes, in that of these."""
     own = cameras.in_world_of(before.inverse)
-    similarity = find_similarity(own, silhouettes)
+    similarity = find_similarity(own, silhouettes, frames)
     return own.in_world_of(similarity), similarity
 
 

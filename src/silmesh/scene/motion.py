@@ -4,6 +4,7 @@ COLMAP's stages live in folders (``cameras.stages``), since its database and its
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,10 @@ from silmesh.cameras.colmap import attempt_model
 from silmesh.cameras.features import extract, keep_inside
 from silmesh.cameras.mapping import map_views
 from silmesh.cameras.matching import match
-from silmesh.cameras.stages import DATABASE, MODEL, Report, make_stage, read_report
+from silmesh.cameras.stages import DATABASE, LARGEST, MODEL, Report, make_stage, read_report
 from silmesh.geometry.thresholds import COHERENT
 from silmesh.progress import Share, untold, within
-from silmesh.scene.agreement import refuse_incoherent
+from silmesh.scene.agreement import NEAR, refuse_incoherent
 from silmesh.settings.cameras import Colmap
 from silmesh.views import View
 
@@ -113,15 +114,43 @@ def judge_model(
 
     Args:
         source: what to call it
-        model: folder of the model's stage
+        model: folder of the model's stage; if that was completed, the silhouettes decide whether
+            the completed model is taken or the one that it was made of
         views: all views
         silhouettes: [views, size, size] bool, of all views
     """
-    attempt = attempt_model(source, model / MODEL, read_report(model), views)
+    report = read_report(model)
+    whole = _judge(source, model / MODEL, report, views, silhouettes)
+    if not (model / LARGEST).is_dir():
+        return whole
+    coherence = whole.figures.get("coherence", 0.0)
+    if whole.cameras is not None and coherence >= COHERENT:
+        return whole
+    largest = _judge(source, model / LARGEST, report, views, silhouettes)
+    if largest.cameras is None:
+        return whole
+    if whole.cameras is not None and coherence >= largest.figures["coherence"] - NEAR:
+        return whole
+    said = (
+        f"cameras {source!r}: the model that was completed to {report.figures['models'][0]} views "
+        f"is not taken, for its hull IoU with the silhouettes is {coherence:.3f}; the one of "
+        f"{len(largest.cameras)} views has {largest.figures['coherence']:.3f}"
+    )
+    figures = {**largest.figures, "coherence_completed": coherence}
+    return replace(largest, warnings=(*largest.warnings, said), figures=figures)
+
+
+def _judge(
+    source: str, model: Path, report: Report, views: Sequence[View], silhouettes: np.ndarray
+) -> Attempt:
+    """The attempt that one model of a stage comes to."""
+    attempt = attempt_model(source, model, report, views)
     if attempt.cameras is None:
         return attempt
     positions = {view.view: position for position, view in enumerate(views)}
-    return refuse_incoherent(attempt, silhouettes[[positions[v] for v in attempt.cameras.views]])
+    kept = [positions[view] for view in attempt.cameras.views]
+    frames = np.array([views[position].frame for position in kept])
+    return refuse_incoherent(attempt, silhouettes[kept], frames)
 
 
 def attempt_masked(

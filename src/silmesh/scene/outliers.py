@@ -14,7 +14,7 @@ import numpy as np
 from scipy import ndimage
 
 from silmesh.geometry.camera import Cameras
-from silmesh.geometry.frame import count_on_frame, whole_frames
+from silmesh.geometry.frame import count_on_frame, known_pixels, whole_frames
 from silmesh.scene.votes import ROUND, count_denials
 
 FINE = 64  # rays along an image's side that the shares are measured by
@@ -150,6 +150,9 @@ def disagreement(
     everyone = range(len(silhouettes))
     denials = count_denials(silhouettes, cameras, everyone, trusted, most + 1, stride, frames)
     near = ndimage.binary_dilation(silhouettes, ROUND[None], iterations=SLACK)
+    known = known_pixels(silhouettes, frames)
+    if known is not None:  # what the others see beyond a photograph's frame is not lacking there
+        near = near | ~known
     shown, near = (part[:, ::stride, ::stride] for part in (silhouettes, near))
     area = np.maximum(shown.sum(axis=(1, 2)), 1)
     usual = np.maximum(area, np.median(area[trusted]))

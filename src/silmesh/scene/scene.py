@@ -7,7 +7,7 @@ lenses matter.
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -26,10 +26,13 @@ from silmesh.geometry.camera import (
     read_cameras,
     write_cameras,
 )
+from silmesh.geometry.frame import find_whole, is_cut
 from silmesh.geometry.undistortion import Undistorted
+from silmesh.geometry.whereabouts import find_body
 from silmesh.silhouettes import encode, read_silhouettes
 from silmesh.views import ImageFolder
 
+AROUND = 0.05  # mean squared sine of the angles to the line that most cameras look along
 VIEWS, SILHOUETTES = "views", "silhouettes"  # folders of a scene
 
 
@@ -53,6 +56,15 @@ class Scene:
     notes: Mapping[str, Any]
     images: Mapping[str, Image.Image] = field(default_factory=dict)
 
+    @property
+    def frames(self) -> np.ndarray | None:
+        """Left, top, right and bottom of the photographs within the images: [views, 4].
+
+        None if it is not noted, as of views that fill their images.
+        """
+        frames = self.notes.get("frames")
+        return None if frames is None else np.array([frames[view] for view in self.cameras.views])
+
     def describe(self) -> dict[str, Any]:
         """All that ``scene.json`` says."""
         return {
@@ -67,19 +79,29 @@ class Scene:
 MEASURED = ("centre", "scale", "hull_iou_mean", "hull_iou")  # keys of scene.json beside the notes
 
 
-def find_similarity(cameras: Cameras, silhouettes: np.ndarray) -> Similarity:
+def find_similarity(
+    cameras: Cameras, silhouettes: np.ndarray, frames: np.ndarray | None = None
+) -> Similarity:
     """The shift and scale that bring the object into the sphere of radius 0.5 at the origin.
 
     The centre is where the rays through the middles of the silhouettes' bounding boxes meet, by
-    least squares; the radius is the furthest that any silhouette reaches from it.
+    least squares; the radius is the furthest that any silhouette reaches from it. Silhouettes that
+    the frame cuts have no say in that; if the others are too few, or all seen along one line, the
+    object is looked for where most views see it.
 
     Args:
         cameras: in the input's world
-        silhouettes: [views, height, width] bool
+        silhouettes: [views, height, width] bool, none empty
+        frames: [views, 4] of the photographs within the images; the whole images if not given
 
     Raises:
         InputError: the rays are parallel, or the object would be behind a camera
     """
+    if is_cut(silhouettes, frames).any():
+        whole = find_whole(silhouettes, frames)
+        if len(whole) == len(silhouettes) or not _look_around(cameras.select(whole)):
+            return find_body(cameras, silhouettes, frames)
+        cameras, silhouettes = cameras.select(whole), silhouettes[whole]
     points = [torch.as_tensor(np.argwhere(s)[:, ::-1] + 0.5) for s in silhouettes]
     centre, depth = find_object(cameras, silhouettes)
     if not (depth > 0).all():
@@ -90,6 +112,13 @@ def find_similarity(cameras: Cameras, silhouettes: np.ndarray) -> Similarity:
         ((p - c) @ s.mT).norm(dim=1).max() for p, c, s in zip(points, projected, scale, strict=True)
     ]
     return Similarity(centre, float(OBJECT_RADIUS / (torch.stack(reach) * depth).max()))
+
+
+def _look_around(cameras: Cameras) -> bool:
+    """Whether cameras look from several sides, so that depths are seen as widths by others."""
+    ahead = cameras.R[:, 2]
+    spread = torch.linalg.eigvalsh(torch.eye(3).to(ahead) - ahead.mT @ ahead / len(cameras))
+    return bool(spread[0] > AROUND)
 
 
 def find_object(cameras: Cameras, silhouettes: np.ndarray) -> tuple[Tensor, Tensor]:
@@ -127,15 +156,23 @@ def _say_behind(cameras: Cameras, depth: Tensor) -> str:
     )
 
 
-def refuse_camera_inside(cameras: Cameras) -> None:
-    """Refuse a camera within the sphere of the normalised world that holds the object."""
+def refuse_enclosed(cameras: Cameras, enclosed: Sequence[int]) -> None:
+    """Refuse cameras that stand inside the visual hull of the other views.
+
+    Args:
+        cameras: in the normalised world
+        enclosed: positions of those, as ``find_enclosed`` gives them
+    """
+    if not len(enclosed):
+        return
     distance = cameras.centres.norm(dim=1)
-    nearest = int(distance.argmin())
-    if distance[nearest] <= OBJECT_RADIUS:
-        raise InputError(
-            f"the camera of view {cameras.views[nearest]!r} stands inside the object: "
-            f"{distance[nearest]:.3g} from its middle, when the object reaches {OBJECT_RADIUS}"
-        )
+    nearest = min(enclosed, key=lambda i: float(distance[i]))
+    others = f", and {len(enclosed) - 1} others do" * (len(enclosed) > 1)
+    raise InputError(
+        f"the camera of view {cameras.views[nearest]!r} stands inside the object: "
+        f"{distance[nearest]:.3g} from its middle, when the object reaches {OBJECT_RADIUS}, and "
+        f"all views that see the place see it within their silhouettes{others}"
+    )
 
 
 def write_scene(

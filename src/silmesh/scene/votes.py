@@ -95,7 +95,7 @@ def _count(denied, cut, P, others, ray, eye, step, reach, most, stride):
                         along[n, k] = m[k, 0] * way[0] + m[k, 1] * way[1] + m[k, 2] * way[2]
                 samples = int(2 * half / step) + 2
                 for s in range(samples):
-                    at = middle - half + 2 * half * s / (samples - 1)
+                    at = max(middle - half + 2 * half * s / (samples - 1), 0.0)
                     least = min(least, _denying(denied, cut, others, start, along, at, least))
                     if least == 0:
                         break
@@ -114,7 +114,7 @@ def _denying(denied, cut, others, start, along, at, most):
         row = (start[n, 1] + at * along[n, 1]) / depth
         if depth > 0 and 0 <= column < width and 0 <= row < height:
             count += denied[others[n], int(row), int(column)]
-        elif depth <= 0 or not cut[others[n]]:
+        elif not cut[others[n]]:
             count += 1
         if count >= most:
             return most

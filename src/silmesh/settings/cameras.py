@@ -31,7 +31,11 @@ class Calibrate(Section):
 class Features(Section):
     """What COLMAP finds in each photograph."""
 
-    features: whole(64, 100_000) = Field(4096, description="the most of each photograph")
+    features: whole(64, 100_000) = Field(
+        4096,
+        description="the most of each photograph that are matched at first; views without a "
+        "camera are tried again with twice as many",
+    )
     max_size: whole(200, 20_000) = Field(
         1600, description="pixels of the longer side, above which photographs are made smaller"
     )

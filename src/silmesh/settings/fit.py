@@ -105,6 +105,9 @@ class FastFit(_Fit):
     refine_cameras: Truth = Field(True, description="correct the cameras alongside")
     remesh: Truth = Field(True, description="give the mesh new edges when they are uneven")
     untangle: Truth = Field(True, description="in the end turn parts that are inside out")
+    judge_views: Truth = Field(
+        True, description="views and parts of silhouettes that the others contradict do not count"
+    )
 
 
 class OwnFit(SoftRasFit):

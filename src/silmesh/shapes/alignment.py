@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import trimesh
+from scipy.ndimage import gaussian_filter
 from skimage.measure import perimeter_crofton
 from skimage.morphology import convex_hull_image
 
@@ -11,11 +12,13 @@ COUNTS = (642, 1352, 1922)  # what the report calls 600, 1,300 and 1,900 polygon
 MOST = 10_000  # most vertices that `auto` chooses
 EDGE = 5.0  # pixels: edge length in the images that `auto` aims at for smooth outlines
 DETAILED = 8  # most views whose outlines are measured for `auto`
+BLUR = 1.0  # pixels: standard deviation of the blur that smooths an outline
+JAGGED = 0.1  # share of its length that a jagged outline loses at least by that blur
 REPORT_SIZE = 256  # pixels a side of the images to which the report's alignment refers
 REPORT_RADIUS = 90  # pixels: radius of the halved unit sphere in such an image
 
 
-def choose_count(silhouettes: np.ndarray) -> int:
+def choose_count(silhouettes: np.ndarray, nearer: float = 1.0) -> int:
     """The fewest vertices whose edges are a few pixels long, the shorter the richer the outlines.
 
     A convex body's surface is four times its mean silhouette (Cauchy), and a closed mesh of n
@@ -25,9 +28,10 @@ def choose_count(silhouettes: np.ndarray) -> int:
 
     Args:
         silhouettes: [views, height, width] bool
+        nearer: by which factor areas are larger in half of all views than in half of these
     """
     detail = _detail(silhouettes)
-    surface = 4 * silhouettes.sum(axis=(1, 2)).mean() * detail
+    surface = 4 * silhouettes.sum(axis=(1, 2)).mean() * detail * nearer
     faces = surface / (math.sqrt(3) / 4 * (EDGE / detail) ** 2)
     return int(np.clip(math.ceil(faces / 2 + 2), COUNTS[0], MOST))
 
@@ -43,8 +47,20 @@ def _detail(silhouettes: np.ndarray) -> float:
     count = min(DETAILED, len(silhouettes))
     few = silhouettes[np.arange(count) * len(silhouettes) // count]
     few = [s for s in few if s.sum() > 3]
-    around = [perimeter_crofton(s, 4) / perimeter_crofton(convex_hull_image(s), 4) for s in few]
+    around = [_measure_outline(s) / perimeter_crofton(convex_hull_image(s), 4) for s in few]
     return max(1.0, float(np.mean(around))) if few else 1.0
+
+
+def _measure_outline(silhouette: np.ndarray) -> float:
+    """The length of an outline in pixels, as smooth as the image resolves it.
+
+    One that loses much of its length when it is blurred by a pixel is jagged by noise there; no
+    triangles are spent on that.
+    """
+    length = perimeter_crofton(silhouette, 4)
+    blurred = gaussian_filter(silhouette.astype(np.float32), BLUR) > 0.5
+    smooth = perimeter_crofton(blurred, 4)
+    return smooth if 0 < smooth < (1 - JAGGED) * length else length
 
 
 def to_unit(mesh: trimesh.Trimesh) -> trimesh.Trimesh:

@@ -14,10 +14,12 @@ from scipy.sparse.csgraph import connected_components
 
 from silmesh.errors import InputError
 from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
+from silmesh.geometry.frame import find_whole, known_pixels
 from silmesh.geometry.overlap import mean_iou
+from silmesh.geometry.robust_hull import RobustHull, robust_carve
 from silmesh.geometry.thresholds import COHERENT
 from silmesh.geometry.visual_hull import Hull, carve, find_outlier_views
-from silmesh.shapes.downsample import downsample, render
+from silmesh.shapes.downsample import downsample, downsample_frames, render
 from silmesh.shapes.ellipsoid import find_ellipsoid
 from silmesh.shapes.even import even_mesh
 
@@ -53,52 +55,76 @@ class Carved:
         tolerated: how many views were allowed to disagree
         pieces: number of connected pieces, of which the largest is kept
         lost: share of the volume in the other pieces
+        robust: how far each view was believed; None of a prism
     """
 
     mesh: trimesh.Trimesh
     tolerated: int
     pieces: int
     lost: float
+    robust: RobustHull | None = None
 
 
-def hull_mesh(silhouettes: np.ndarray, cameras: Cameras, vertices: int, genus: str) -> Carved:
-    """The visual hull as an initial mesh.
+def hull_mesh(
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+    vertices: int,
+    genus: str,
+    frames: np.ndarray | None = None,
+) -> Carved:
+    """The visual hull as an initial mesh, robust where silhouettes contradict each other.
 
     Args:
         silhouettes: [views, height, width] bool
         cameras: of these views, in the normalised world
         vertices: how many
         genus: ``keep`` its tunnels, or close them for a ``sphere``
+        frames: [views, 4] of the photographs within the images; the whole images if not given
 
     Raises:
         EmptyHull: names the views that empty it
     """
-    tolerated = choose_tolerated(silhouettes, cameras)
-    hull = carve(silhouettes, cameras, RESOLUTION, tolerated)
+    found = robust_carve(silhouettes, cameras, frames, RESOLUTION)
+    hull, tolerated = found.hull, 0
+    if not found.explained:  # nor need the robust one: cameras, too, can be a little wrong
+        believed = found.believed(silhouettes, cameras, frames)
+        tolerated = choose_tolerated(*believed)
+        if tolerated:
+            masks, kept, spoken = believed
+            hull = carve(masks, kept, RESOLUTION, tolerated, spoken)
     if hull.empty:
-        views = [cameras.views[i] for i in find_outlier_views(silhouettes, cameras)]
+        views = [cameras.views[i] for i in find_outlier_views(silhouettes, cameras, frames)]
         raise EmptyHull(
             "the visual hull is empty: the cameras and the silhouettes contradict each other, most "
             f"of all in {', '.join(views)}"
         )
-    return replace(draw(hull, vertices, genus), tolerated=tolerated)
+    return replace(draw(hull, vertices, genus), tolerated=tolerated, robust=found)
 
 
-def prism_mesh(silhouettes: np.ndarray, cameras: Cameras, vertices: int, genus: str) -> Carved:
+def prism_mesh(
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+    vertices: int,
+    genus: str,
+    frames: np.ndarray | None = None,
+) -> Carved:
     """The silhouette of one view, extruded through the depth that another shows.
 
     Of several views the one is taken whose prism fills the silhouettes best.
 
     Args:
-        silhouettes, cameras, vertices, genus: as for ``hull_mesh``
+        silhouettes, cameras, vertices, genus, frames: as for ``hull_mesh``
     """
-    centre = find_ellipsoid(silhouettes, cameras).centre
+    centre = find_ellipsoid(silhouettes, cameras, frames).centre
+    whole = find_whole(silhouettes, frames)
+    silhouettes, cameras = silhouettes[whole], cameras.select(whole)
+    frames = frames if frames is None else frames[whole]
     tried = np.unique(np.arange(FRONTS) * len(cameras) // FRONTS)
     coarse = {front: _prism(silhouettes, cameras, centre, front, SAMPLES) for front in tried}
     filled = {front: hull for front, hull in coarse.items() if not hull.empty}
     if not filled:
         raise EmptyHull("no view's silhouette can be extruded: they miss each other")
-    best = max(filled, key=lambda front: _hull_iou(filled[front], silhouettes, cameras))
+    best = max(filled, key=lambda front: _hull_iou(filled[front], silhouettes, cameras, frames))
     return draw(_prism(silhouettes, cameras, centre, best, RESOLUTION), vertices, genus)
 
 
@@ -142,19 +168,22 @@ def _depth(
     return float(reach.min()), float(reach.max())
 
 
-def choose_tolerated(silhouettes: np.ndarray, cameras: Cameras) -> int:
+def choose_tolerated(
+    silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray | None = None
+) -> int:
     """How many views may disagree: none if the hull fills the silhouettes, else what does it best.
 
     With n views from all around a hull that lets one disagree is only little thicker; that of few
     views would be much thicker, so that no more than a sixth of them may.
     """
     small, small_cameras = downsample(silhouettes, cameras, SIZE, len(cameras))
+    spoken = downsample_frames(silhouettes, SIZE, len(cameras), frames)
     best, chosen = -1.0, 0
     for tolerated in TOLERATED:
         if tolerated > MOST_TOLERATED * len(cameras):
             break
-        hull = carve(small, small_cameras, SAMPLES, tolerated)
-        iou = 0.0 if hull.empty else _hull_iou(hull, small, small_cameras)
+        hull = carve(small, small_cameras, SAMPLES, tolerated, spoken)
+        iou = 0.0 if hull.empty else _hull_iou(hull, small, small_cameras, spoken)
         if iou > best:
             best, chosen = iou, tolerated
         if iou >= COHERENT:
@@ -162,10 +191,15 @@ def choose_tolerated(silhouettes: np.ndarray, cameras: Cameras) -> int:
     return chosen
 
 
-def _hull_iou(hull: Hull, silhouettes: np.ndarray, cameras: Cameras) -> float:
+def _hull_iou(
+    hull: Hull, silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray | None
+) -> float:
     small, small_cameras = downsample(silhouettes, cameras, SIZE, VIEWS)
+    spoken = downsample_frames(silhouettes, SIZE, VIEWS, frames)
     mesh = trimesh.Trimesh(*hull.surface(), process=False)
-    return mean_iou(render(mesh, small_cameras, small.shape[1:]), small)
+    return mean_iou(
+        render(mesh, small_cameras, small.shape[1:]), small, known_pixels(small, spoken)
+    )
 
 
 def draw(hull: Hull, vertices: int, genus: str) -> Carved:
@@ -238,8 +272,9 @@ def _close_tunnels(hull: Hull, radii: Sequence[float]) -> Hull:
     return closed
 
 
-# By the names of their shapes; each takes silhouettes, cameras, a count of vertices and a genus.
-CARVED: dict[str, Callable[[np.ndarray, Cameras, int, str], Carved]] = {
+# By the names of their shapes; each takes silhouettes, cameras, a count of vertices, a genus and
+# the photographs' frames.
+CARVED: dict[str, Callable[[np.ndarray, Cameras, int, str, np.ndarray | None], Carved]] = {
     "prism": prism_mesh,
     "hull": hull_mesh,
 }

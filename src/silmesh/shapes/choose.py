@@ -10,8 +10,9 @@ import torch
 import trimesh
 
 from silmesh.geometry.camera import Cameras
+from silmesh.geometry.frame import known_pixels
 from silmesh.progress import Share, untold
-from silmesh.shapes.downsample import downsample
+from silmesh.shapes.downsample import downsample, downsample_frames
 
 SIZE, VIEWS = 64, 12  # pixels a side, and number of views, of the trial fits
 VERTICES = 642  # of the meshes in the trial fits
@@ -20,9 +21,10 @@ VERTICES = 642  # of the meshes in the trial fits
 ROUNDS = ((20, 3, np.inf), (60, 2, 1.5), (200, 1, 1.0))
 LATEST = 20  # last steps whose median is a trial's loss, as single losses jump with Adam's steps
 
-# Fits a mesh at unit size to silhouettes [views, height, width] bool; gives the loss before each
-# step, for as long as it is asked, and ends where it cannot go on.
-Trial = Callable[[trimesh.Trimesh, Cameras, np.ndarray], Iterator[float]]
+# Fits a mesh at unit size to silhouettes [views, height, width] bool, of which as many pixels
+# count, or all; gives the loss before each step, for as long as it is asked, and ends where it
+# cannot go on.
+Trial = Callable[[trimesh.Trimesh, Cameras, np.ndarray, np.ndarray | None], Iterator[float]]
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,7 @@ def score_meshes(
     cameras: Cameras,
     trial: Trial,
     progress: Share = untold,
+    frames: np.ndarray | None = None,
 ) -> dict[str, Score]:
     """Try each initial mesh; the best come first.
 
@@ -58,9 +61,11 @@ def score_meshes(
         cameras: of these views, in the normalised world
         trial: fits a mesh
         progress: is told which share is done, if as many go on as may
+        frames: [views, 4] of the photographs within the images; the whole images if not given
     """
     small, small_cameras = downsample(silhouettes, cameras, SIZE, VIEWS)
-    trials = {name: trial(mesh, small_cameras, small) for name, mesh in meshes.items()}
+    known = known_pixels(small, downsample_frames(silhouettes, SIZE, VIEWS, frames))
+    trials = {name: trial(mesh, small_cameras, small, known) for name, mesh in meshes.items()}
     losses: dict[str, list[float]] = {name: [] for name in meshes}
     scores: dict[str, Score] = {}
     going = list(meshes)

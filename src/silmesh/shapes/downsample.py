@@ -1,12 +1,11 @@
 """Downsampled scenes: few views in small images, for trials of initial meshes."""
 
-from collections.abc import Sequence
-
 import numpy as np
 import torch
 import trimesh
 
 from silmesh.geometry.camera import Cameras
+from silmesh.geometry.frame import open_frames
 from silmesh.softras import soft_silhouettes
 
 SHARP = 1e-5  # sigma of renderings that are thresholded to silhouettes
@@ -22,11 +21,8 @@ def downsample(
         cameras: of these views
         size: of the longer side, in pixels
     """
-    count = min(views, len(cameras))
-    kept = np.arange(count) * len(cameras) // count
-    height, width = silhouettes.shape[1:]
-    shrink = min(1.0, size / max(height, width))
-    shape = (max(1, round(shrink * height)), max(1, round(shrink * width)))
+    kept, shape = _choose(silhouettes, size, views)
+    count, (height, width) = len(kept), silhouettes.shape[1:]
     images = torch.tensor(silhouettes[kept], dtype=torch.float32).unsqueeze(1)
     small = torch.nn.functional.interpolate(images, shape, mode="area").squeeze(1)
     to_small = torch.diag(torch.tensor([shape[1] / width, shape[0] / height, 1.0])).double()
@@ -35,22 +31,56 @@ def downsample(
     return (small > 0.5).numpy(), chosen
 
 
+def downsample_frames(
+    silhouettes: np.ndarray, size: int, views: int, frames: np.ndarray | None = None
+) -> np.ndarray | None:
+    """The frames of the photographs in what ``downsample`` gives; None if they cut no silhouette.
+
+    Those of views that are not cut are the whole images: nothing beyond them is unknown.
+
+    Args:
+        frames: [views, 4] of the photographs within the images; the whole images if not given
+    Returns:
+        [few, 4] int, no pixel of which lies partly beyond its photograph
+    """
+    kept, (height, width) = _choose(silhouettes, size, views)
+    cut, spoken = open_frames(silhouettes, frames)
+    if not cut[kept].any():
+        return None
+    scale = np.array([width, height]) / silhouettes.shape[:0:-1]
+    low, high = np.ceil(spoken[kept, :2] * scale), np.floor(spoken[kept, 2:] * scale)
+    inner = np.concatenate([low, high], axis=1)
+    return np.where(cut[kept, None], inner, [0, 0, width, height]).astype(int)
+
+
+def _choose(silhouettes: np.ndarray, size: int, views: int) -> tuple[np.ndarray, tuple[int, int]]:
+    """Positions of at most so many views, and height and width with a longer side of ``size``."""
+    count = min(views, len(silhouettes))
+    kept = np.arange(count) * len(silhouettes) // count
+    height, width = silhouettes.shape[1:]
+    shrink = min(1.0, size / max(height, width))
+    return kept, (max(1, round(shrink * height)), max(1, round(shrink * width)))
+
+
 def crop(
-    silhouettes: np.ndarray, cameras: Cameras, frame: Sequence[int]
-) -> tuple[np.ndarray, Cameras]:
-    """What the photographs show: an object that their frame cuts may go on beyond it.
+    silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray
+) -> tuple[np.ndarray, Cameras, np.ndarray]:
+    """The part of the images that holds all photographs, without the padding around.
 
     Args:
         silhouettes: [views, height, width] bool
         cameras: of these views
-        frame: left, top, right and bottom of the photographs in these images, in pixels
+        frames: [views, 4] left, top, right and bottom of the photographs in these images, in pixels
+    Returns:
+        silhouettes, cameras and frames
     """
-    left, top, right, bottom = frame
+    left, top = frames[:, :2].min(axis=0).tolist()
+    right, bottom = frames[:, 2:].max(axis=0).tolist()
     shift = torch.eye(3, dtype=torch.float64)
     shift[:2, 2] = -torch.tensor([left, top], dtype=torch.float64)
     sizes = torch.tensor([[right - left, bottom - top]]).expand(len(cameras), 2)
     shown = cameras.in_pixels_of(shift.expand(len(cameras), 3, 3), sizes)
-    return silhouettes[:, top:bottom, left:right], shown
+    return silhouettes[:, top:bottom, left:right], shown, frames - [left, top, left, top]
 
 
 def render(mesh: trimesh.Trimesh, cameras: Cameras, size: tuple[int, int]) -> np.ndarray:

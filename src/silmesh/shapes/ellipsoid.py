@@ -13,7 +13,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
-from silmesh.geometry.frame import is_cut
+from silmesh.geometry.frame import WHOLE, is_cut
+from silmesh.geometry.whereabouts import find_filled
 
 PRIOR = 0.02  # weight of a prior that draws a length which no view shows to the others' mean
 TOLERANCE = 0.1  # of a mean half-length: larger residuals are weighted down as outliers
@@ -36,15 +37,29 @@ class Ellipsoid:
         return np.sqrt(np.einsum("in,ij,jn->n", axes, self.shape, axes))
 
 
-def find_ellipsoid(silhouettes: np.ndarray, cameras: Cameras) -> Ellipsoid:
+def find_ellipsoid(
+    silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray | None = None
+) -> Ellipsoid:
     """Find the ellipsoid; views that the frame cuts are left out if two others are there.
+
+    Of cut ones alone it is the ellipsoid with the moments of what most of them see: a solid
+    ellipsoid's covariance is a fifth of its shape matrix.
 
     Args:
         silhouettes: [views, height, width] bool
         cameras: of these views, in the normalised world
+        frames: [views, 4] of the photographs within the images; the whole images if not given
     """
     shown = silhouettes.any(axis=(1, 2))
-    whole = shown & ~is_cut(silhouettes)
+    cut = is_cut(silhouettes, frames)
+    whole = shown & ~cut
+    if cut.any() and whole.sum() < 2 and shown.sum() >= WHOLE:
+        points = find_filled(
+            cameras.select(np.flatnonzero(shown)),
+            silhouettes[shown],
+            frames if frames is None else frames[shown],
+        )
+        return Ellipsoid(points.mean(axis=0), 5 * np.cov(points.T))
     used = np.flatnonzero(whole if whole.sum() >= 2 else shown)
     centres, shapes = _moments(silhouettes[used], np.linalg.inv(cameras.K.numpy()[used]))
     R, t = cameras.R.numpy()[used], cameras.t.numpy()[used]

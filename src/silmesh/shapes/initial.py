@@ -1,28 +1,32 @@
 """The initial mesh that a configuration names, and what a person should know of it."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
 import trimesh
 
 from silmesh.errors import InputError, name_some
-from silmesh.geometry.camera import INITIAL_SCALE, Cameras
-from silmesh.geometry.frame import is_cut
+from silmesh.geometry.camera import INITIAL_SCALE, OBJECT_RADIUS, Cameras
+from silmesh.geometry.frame import find_whole, is_cut, known_pixels
+from silmesh.geometry.overlap import mean_iou
+from silmesh.geometry.robust_hull import RobustHull
 from silmesh.own_code import call, own_file
 from silmesh.progress import Share, untold
 from silmesh.settings.init import Init
 from silmesh.shapes.alignment import align_to_box, choose_count, choose_report_count, to_unit
-from silmesh.shapes.carved import CARVED, EmptyHull
+from silmesh.shapes.carved import CARVED, Carved, EmptyHull
 from silmesh.shapes.choose import VERTICES, Score, Trial, score_meshes, share
 from silmesh.shapes.downsample import crop
 from silmesh.shapes.primitives import PRIMITIVES, placed_primitive, plain_primitive
 from silmesh.shapes.sphere import unit_sphere
+from silmesh.shapes.starts import Start, measure_start, render_initial
 
 PLACED = (*PRIMITIVES, *CARVED)  # shapes that all views place in the world; `auto` tries these
 SHAPES = ("sphere", *PLACED, "auto")
 FALLBACK = "ellipsoid"  # the shape that is taken if a hull is empty
+BETTER = 0.01  # IoU by which that must fit better than a hull to take its place
 LOST = 0.001  # share of a carved body's volume in smaller pieces from which to warn
 NAMED = 5  # most views that a warning names
 
@@ -35,17 +39,28 @@ class Initial:
     notes: Mapping[str, Any]
 
 
+@dataclass(frozen=True)
+class _Made:
+    """A mesh at unit size, what is said of a carved one, and how far a hull believed each view."""
+
+    shape: str
+    mesh: trimesh.Trimesh
+    notes: Mapping[str, Any] = field(default_factory=dict)
+    robust: RobustHull | None = None
+
+
 def make_initial_mesh(
     init: Init,
     silhouettes: np.ndarray,
     cameras: Cameras,
     trial: Trial | None = None,
     progress: Share = untold,
-    frame: Sequence[int] | None = None,
+    frames: np.ndarray | None = None,
 ) -> Initial:
     """Make an initial mesh at unit size; the fit halves it.
 
-    Where a hull is asked for that is empty, it is the ellipsoid, with a warning. A function of a
+    Where a hull is asked for that is empty, or fits the silhouettes worse than the ellipsoid, it is
+    the ellipsoid, with a warning. A function of a
     person's own (``own_code``) is called with the silhouettes, the cameras, and the number of
     vertices or None, and gives a closed mesh in the cameras' world, the normalised one.
 
@@ -55,65 +70,121 @@ def make_initial_mesh(
         cameras: of these views, in the normalised world
         trial: fits for a few steps; needed for ``auto``
         progress: is told which share of these fits is done
-        frame: left, top, right and bottom of all photographs in these images, in pixels; the whole
-            images if not given
+        frames: [views, 4] left, top, right and bottom of the photographs in these images, in
+            pixels; the whole images if not given
 
     Raises:
         InputError: a function of a person's own fails, or gives no closed mesh
     """
-    if frame is not None and init.shape != "sphere":  # the report's is placed in the whole image
-        silhouettes, cameras = crop(silhouettes, cameras, frame)
+    if frames is not None and init.shape != "sphere":  # the report's is placed in the whole image
+        silhouettes, cameras, frames = crop(silhouettes, cameras, frames)
     scores, warnings = {}, []
     shape = init.shape
     if shape == "auto":
-        scores, warnings = _score(init, silhouettes, cameras, trial, progress)
+        scores, warnings = _score(init, silhouettes, cameras, trial, progress, frames)
         shape = next(iter(scores))
     try:
-        mesh, notes = _make(init.model_copy(update={"shape": shape}), silhouettes, cameras)
+        made = _make(init.model_copy(update={"shape": shape}), silhouettes, cameras, frames)
     except EmptyHull as error:
-        shape = FALLBACK
         warnings.append(f"{error}; the initial mesh is the {FALLBACK} instead")
-        mesh, notes = _make(init.model_copy(update={"shape": shape}), silhouettes, cameras)
+        made = _make(init.model_copy(update={"shape": FALLBACK}), silhouettes, cameras, frames)
+    warnings += _warnings(made.notes, silhouettes, cameras, frames)
+    notes, starts = made.notes, {}
+    if made.robust is not None and init.align != "none":
+        made, starts, changed = _compare_starts(made, init, silhouettes, cameras, frames)
+        warnings += changed
+    mesh = made.mesh
+    shown = render_initial(mesh, cameras, silhouettes.shape[1:])
     described = {
         "asked": init.shape,
-        "shape": shape,
+        "shape": made.shape,
         "vertices": len(mesh.vertices),
         "faces": len(mesh.faces),
         "genus": 1 - mesh.euler_number // 2,
+        "iou_mean": mean_iou(shown, silhouettes, known_pixels(silhouettes, frames)),
         **notes,
+        "starts": {name: asdict(start) for name, start in starts.items()},
         "scores": {name: asdict(score) for name, score in scores.items()},
-        "warnings": [*warnings, *_warnings(notes, silhouettes, cameras)],
+        "warnings": warnings,
     }
     return Initial(mesh, described)
 
 
+def _compare_starts(
+    made: _Made,
+    init: Init,
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+    frames: np.ndarray | None,
+) -> tuple[_Made, dict[str, Start], list[str]]:
+    """A hull, or the ellipsoid if that fits better; how they do, and what was changed.
+
+    The ellipsoid is looked at only where the hull fits poorly, or lost much with its other pieces.
+    """
+    lost = made.notes["lost"]
+    own = measure_start(made.mesh, lost, silhouettes, cameras, made.robust, frames)
+    starts = {made.shape: own}
+    if not own.poor:
+        return made, starts, []
+    other = _make(init.model_copy(update={"shape": FALLBACK}), silhouettes, cameras, frames)
+    plain = measure_start(other.mesh, 0, silhouettes, cameras, made.robust, frames)
+    starts[FALLBACK] = plain
+    if plain.iou <= own.iou + BETTER:
+        return made, starts, []
+    changed = (
+        f"the initial mesh is the {FALLBACK}: its IoU with the silhouettes is {plain.iou:.2f}, and "
+        f"{own.iou:.2f} that of the hull's largest piece, {own.kept:.0%} of its volume"
+    )
+    return other, starts, [changed]
+
+
 def _make(
-    init: Init, silhouettes: np.ndarray, cameras: Cameras
-) -> tuple[trimesh.Trimesh, dict[str, Any]]:
-    """An initial mesh at unit size, and what is told of a carved one."""
+    init: Init, silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray | None
+) -> _Made:
+    """An initial mesh at unit size."""
     counted = init.vertices == "auto"
     if init.shape == "sphere":
         mesh = unit_sphere(choose_report_count(silhouettes) if counted else init.vertices)
         if init.align == "bbox":
             mesh.vertices = align_to_box(mesh.vertices, silhouettes[0])
-        return mesh, {}
-    vertices = choose_count(silhouettes) if counted else init.vertices
-    notes = {}
+        return _Made(init.shape, mesh)
+    whole = find_whole(silhouettes, frames)
+    nearer = _compare_scale(cameras, whole)
+    vertices = choose_count(silhouettes[whole], nearer) if counted else init.vertices
+    notes, robust = {}, None
     if init.shape in CARVED:
-        carved = CARVED[init.shape](silhouettes, cameras, vertices, init.genus)
-        mesh = carved.mesh
-        notes = {name: getattr(carved, name) for name in ("tolerated", "pieces", "lost")}
+        carved = CARVED[init.shape](silhouettes, cameras, vertices, init.genus, frames)
+        mesh, robust = carved.mesh, carved.robust
+        notes = _describe(carved, cameras)
     elif own_file(init.shape):
         given = None if counted else init.vertices
         mesh = _take(init.shape, call(init.shape, silhouettes, cameras, given))
     elif init.align == "none":
         mesh = plain_primitive(init.shape, vertices)
     else:
-        mesh = placed_primitive(init.shape, vertices, silhouettes, cameras)
+        mesh = placed_primitive(init.shape, vertices, silhouettes, cameras, frames)
     if init.align == "none":
-        return to_unit(mesh), notes
+        return _Made(init.shape, to_unit(mesh), notes, robust)
     mesh.apply_scale(INITIAL_SCALE)
-    return mesh, notes
+    return _Made(init.shape, mesh, notes, robust)
+
+
+def _describe(carved: Carved, cameras: Cameras) -> dict[str, Any]:
+    """What is said of a carved body, of a hull with the views that are not wholly believed."""
+    notes = {name: getattr(carved, name) for name in ("tolerated", "pieces", "lost")}
+    if carved.robust is not None:
+        for name in ("distrusted", "corrected"):
+            notes[name] = [cameras.views[i] for i in getattr(carved.robust, name)]
+    return notes
+
+
+def _compare_scale(cameras: Cameras, whole: np.ndarray) -> float:
+    """How many pixels half of all views show of what is one in half of some of them."""
+    if len(whole) == len(cameras):
+        return 1.0
+    depths = cameras.t[:, 2].abs().clamp(min=OBJECT_RADIUS)
+    pixels = (cameras.K[:, 0, 0] / depths).square()
+    return max(1.0, float(pixels.median() / pixels[whole].median()))
 
 
 def _take(shape: str, made: Any) -> trimesh.Trimesh:
@@ -128,7 +199,12 @@ def _take(shape: str, made: Any) -> trimesh.Trimesh:
 
 
 def _score(
-    init: Init, silhouettes: np.ndarray, cameras: Cameras, trial: Trial | None, progress: Share
+    init: Init,
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+    trial: Trial | None,
+    progress: Share,
+    frames: np.ndarray | None,
 ) -> tuple[dict[str, Score], list[str]]:
     """How every placed shape does, the best first, and why some are not among them."""
     if trial is None:
@@ -138,16 +214,18 @@ def _score(
     def make(shape: str) -> None:
         try:
             small = init.model_copy(update={"shape": shape, "vertices": VERTICES})
-            meshes[shape], _ = _make(small, silhouettes, cameras)
+            meshes[shape] = _make(small, silhouettes, cameras, frames).mesh
         except EmptyHull as error:
             warnings.append(str(error))
 
     share(make, PLACED)
     meshes = {shape: meshes[shape] for shape in PLACED if shape in meshes}
-    return score_meshes(meshes, silhouettes, cameras, trial, progress), warnings
+    return score_meshes(meshes, silhouettes, cameras, trial, progress, frames), warnings
 
 
-def _warnings(notes: Mapping[str, Any], silhouettes: np.ndarray, cameras: Cameras) -> list[str]:
+def _warnings(
+    notes: Mapping[str, Any], silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray | None
+) -> list[str]:
     """What a person should know of the views and the pieces, in sentences."""
     found = []
     if notes.get("lost", 0) > LOST:
@@ -155,12 +233,22 @@ def _warnings(notes: Mapping[str, Any], silhouettes: np.ndarray, cameras: Camera
             f"the body comes in {notes['pieces']} pieces; the largest is kept, the others are "
             f"{notes['lost']:.1%} of the volume"
         )
+    if lost := notes.get("distrusted"):
+        found.append(
+            f"the hull of the other views contradicts {name_some(lost, NAMED)}: no weight in the "
+            "initial mesh"
+        )
+    if parts := notes.get("corrected"):
+        found.append(
+            f"parts of the silhouettes contradict those of other views in {name_some(parts, NAMED)}"
+            ": the initial mesh does not follow them there"
+        )
     if notes.get("tolerated"):
         found.append(
             f"the hull lets {notes['tolerated']} of {len(cameras)} views disagree: of all views it "
             "would not fill the silhouettes"
         )
-    cut = [view for view, is_it in zip(cameras.views, is_cut(silhouettes), strict=True) if is_it]
+    cut = [cameras.views[i] for i in np.flatnonzero(is_cut(silhouettes, frames))]
     if cut:
         found.append(
             f"the frame cuts the object in {name_some(cut, NAMED)}: what lies beyond is not known"

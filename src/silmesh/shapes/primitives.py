@@ -13,8 +13,9 @@ import numpy as np
 import trimesh
 
 from silmesh.geometry.camera import Cameras
+from silmesh.geometry.frame import find_whole, known_pixels
 from silmesh.geometry.overlap import mean_iou
-from silmesh.shapes.downsample import downsample, render
+from silmesh.shapes.downsample import downsample, downsample_frames, render
 from silmesh.shapes.ellipsoid import Ellipsoid, find_ellipsoid
 from silmesh.shapes.even import even_mesh
 from silmesh.shapes.sphere import unit_sphere
@@ -89,7 +90,11 @@ def plain_primitive(shape: str, vertices: int) -> trimesh.Trimesh:
 
 
 def placed_primitive(
-    shape: str, vertices: int, silhouettes: np.ndarray, cameras: Cameras
+    shape: str,
+    vertices: int,
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+    frames: np.ndarray | None = None,
 ) -> trimesh.Trimesh:
     """A primitive where the silhouettes are: closed, oriented outwards, with even triangles.
 
@@ -100,13 +105,17 @@ def placed_primitive(
     Args:
         silhouettes: [views, height, width] bool
         cameras: of these views, in the normalised world
+        frames: [views, 4] of the photographs within the images; the whole images if not given
     """
-    target = find_ellipsoid(silhouettes, cameras)
-    small, small_cameras = downsample(silhouettes, cameras, SIZE, VIEWS)
+    target = find_ellipsoid(silhouettes, cameras, frames)
+    whole = find_whole(silhouettes, frames)
+    shown, frames = silhouettes[whole], frames if frames is None else frames[whole]
+    small, small_cameras = downsample(shown, cameras.select(whole), SIZE, VIEWS)
+    spoken = downsample_frames(shown, SIZE, VIEWS, frames)
     sharpest, *rounder = PRIMITIVES[shape].powers
 
     def match(axes: np.ndarray, power: float) -> _Candidate:
-        return _match_moments(shape, power, axes, target, small, small_cameras)
+        return _match_moments(shape, power, axes, target, small, small_cameras, spoken)
 
     best = max(
         (match(axes, sharpest) for axes in _directions(shape, target, cameras)),
@@ -144,6 +153,7 @@ def _match_moments(
     target: Ellipsoid,
     silhouettes: np.ndarray,
     cameras: Cameras,
+    frames: np.ndarray | None,
 ) -> _Candidate:
     """Stretch, turn and move a primitive until its silhouettes have the target's moments."""
     unit, size = unit_primitive(shape, VERTICES, power), silhouettes.shape[1:]
@@ -152,12 +162,13 @@ def _match_moments(
     for _ in range(ROUNDS):
         if not rendered.any():
             break
-        found = find_ellipsoid(rendered, cameras)
+        found = find_ellipsoid(rendered, cameras, frames)
         lengths = np.linalg.norm(to_world[:3, :3], axis=0)
         lengths *= target.lengths(axes) / found.lengths(axes)
         to_world = _matrix(axes, lengths, to_world[:3, 3] + target.centre - found.centre)
         rendered = render(unit.copy().apply_transform(to_world), cameras, size)
-    return _Candidate(mean_iou(rendered, silhouettes), power, axes, to_world)
+    iou = mean_iou(rendered, silhouettes, known_pixels(silhouettes, frames))
+    return _Candidate(iou, power, axes, to_world)
 
 
 def _matrix(axes: np.ndarray, lengths: np.ndarray, centre: np.ndarray) -> np.ndarray:

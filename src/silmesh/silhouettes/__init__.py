@@ -39,7 +39,7 @@ GIVEN = ("mask", "alpha")  # sources that a person made
 GREY = 124  # grey level of the object in a silhouette's file
 LOST = "lost.json"  # names views whose silhouette is empty since a file could not be read
 FEWEST = 2  # least number of views with a silhouette
-AROUND = 0.7  # a given mask that covers more of the photograph's border counts as inverted
+AROUND = 0.7  # given masks count as inverted if most cover more of the photographs' borders
 HINTS = {
     "mask": ", white in its mask",
     "alpha": " and be opaque there, more than 127 of 255",
@@ -93,6 +93,7 @@ def find_silhouettes(
             used, a mask tells more than object and background apart
     """
     spared, lost, kept = [], {}, []
+    around: dict[int, str] = {}
     _refuse_other_count(source, views, masks)
     files = masks or [None] * len(views)
     found = _find_each(source, views, images, files, settings, threads)
@@ -109,8 +110,16 @@ def find_silhouettes(
             spared.append(wrong)
             _refuse_wrong(spared, len(views), spare)
             silhouette = np.zeros((view.size, view.size), bool)
+        elif source in GIVEN and (share := _edge(silhouette, view).mean()) > AROUND:
+            around[len(kept)] = (
+                f"{_where(view, source, file)} {_say_inverted(f'border to {share:.0%}')}"
+            )
         kept.append(silhouette)
         progress(done)
+    for place, wrong in around.items() if 2 * len(around) > len(views) else ():
+        spared.append(wrong)  # a few are of photographs taken near, which the object nearly fills
+        _refuse_wrong(spared, len(views), spare)
+        kept[place] = np.zeros_like(kept[place])
     return Found(np.stack(kept), spared, lost)
 
 
@@ -220,17 +229,29 @@ def _describe_wrong(
     silhouette: np.ndarray, view: View, source: str, file: Path | None
 ) -> str | None:
     """What forbids to use a silhouette, or None."""
-    where = f"{file or view.source}: view {view.view!r}, silhouettes from {source!r}:"
+    where = _where(view, source, file)
     inside = silhouette[view.top : view.bottom, view.left : view.right]
     if not inside.any():
         return f"{where} empty; the object should show in every photograph{HINTS.get(source, '')}"
     if inside.all():
         return f"{where} fills the photograph; the background should show around it"
-    edge = np.concatenate((inside[0], inside[-1], inside[:, 0], inside[:, -1]))
-    if edge.all() or (source in GIVEN and edge.mean() > AROUND):
-        covered = "border all around" if edge.all() else f"border to {edge.mean():.0%}"
-        return (
-            f"{where} covers the photograph's {covered}; it may be inverted: the object should be "
-            "white, the background black"
-        )
+    if _edge(silhouette, view).all():
+        return f"{where} {_say_inverted('border all around')}"
     return None
+
+
+def _where(view: View, source: str, file: Path | None) -> str:
+    return f"{file or view.source}: view {view.view!r}, silhouettes from {source!r}:"
+
+
+def _edge(silhouette: np.ndarray, view: View) -> np.ndarray:
+    """The pixels of a silhouette along the border of its photograph: [n] bool."""
+    inside = silhouette[view.top : view.bottom, view.left : view.right]
+    return np.concatenate((inside[0], inside[-1], inside[:, 0], inside[:, -1]))
+
+
+def _say_inverted(covered: str) -> str:
+    return (
+        f"covers the photograph's {covered}; it may be inverted: the object should be white, the "
+        "background black"
+    )

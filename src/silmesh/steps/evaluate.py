@@ -5,6 +5,7 @@ import json
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import torch
 
@@ -25,6 +26,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--loss", type=Path, required=True, help="loss.csv of its fit")
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
     args.add_argument("--initial", type=Path, help="init.json of its initial mesh")
+    args.add_argument("--notes", type=Path, help="fit.json of the fit")
     args.add_argument("--truth", type=Path, help="the true mesh, in the cameras' world")
     args.add_argument("--align", action="store_true", help="register the mesh with the truth first")
     add_settings(args, Fit, of="its fit")
@@ -42,13 +44,18 @@ def main(argv: Sequence[str] | None = None) -> None:
         _read_last(given.loss),
         given.settings.sigma_at(scene.silhouettes.shape[-1]),
         given.settings.holdout,
-        json.loads(given.initial.read_text(encoding="utf-8")) if given.initial else None,
+        _read_notes(given.initial),
+        _read_notes(given.notes),
         Path(os.path.relpath(given.scene / SILHOUETTES, given.results)).as_posix(),
         read_mesh(given.truth) if given.truth else None,
         given.align,
     )
     with replacing(given.output) as part:
         part.write_text(json.dumps(metrics, indent=1) + "\n", encoding="utf-8")
+
+
+def _read_notes(path: Path | None) -> dict[str, Any] | None:
+    return json.loads(path.read_text(encoding="utf-8")) if path else None
 
 
 def _read_last(path: Path) -> dict[str, str]:

@@ -2,6 +2,8 @@
 
 import argparse
 import csv
+import json
+import sys
 from collections.abc import Sequence
 from dataclasses import astuple, fields
 from pathlib import Path
@@ -14,6 +16,7 @@ from silmesh.files import remove, replacing
 from silmesh.fitting.checkpoint import Checkpoint
 from silmesh.fitting.fit import fit_mesh
 from silmesh.fitting.loop import Record
+from silmesh.fitting.restart import fit_or_restart, may_restart
 from silmesh.geometry.camera import write_cameras
 from silmesh.geometry.mesh_files import read_mesh, to_tensors, write_mesh
 from silmesh.progress import Progress
@@ -28,13 +31,18 @@ def main(argv: Sequence[str] | None = None) -> None:
     torch.set_num_threads(given.threads)
     progress = Progress(f"fit {given.name}", given.settings.iterations)
     with blaming(given.name):
-        fitted = fit_mesh(
+        fit = fit_or_restart if may_restart(given.shape, given.settings) else fit_mesh
+        fitted = fit(
             read_mesh(given.initial),
             load_scene(given.scene),
             given.settings,
             lambda record: progress(record.iteration + 1, f"loss {record.loss:.4f}"),
             (lambda parts: _take_up(given, parts)) if given.checkpoint else None,
         )
+    for warning in fitted.notes["warnings"]:
+        print(f"silmesh: {given.name}: {warning}", file=sys.stderr)
+    with replacing(given.notes) as part:
+        part.write_text(json.dumps(fitted.notes, indent=1) + "\n", encoding="utf-8")
     write_mesh(given.meshes, *to_tensors(fitted.mesh))
     write_cameras(given.cameras, fitted.cameras)
     with replacing(given.loss) as part, part.open("w", newline="") as file:
@@ -61,6 +69,7 @@ def _take_up(given: argparse.Namespace, parts: Sequence[Any]) -> Checkpoint:
 def _parse(argv: Sequence[str] | None) -> argparse.Namespace:
     args = parser(__doc__)
     args.add_argument("--initial", type=Path, required=True, help="initial mesh, at unit size")
+    args.add_argument("--shape", default="", help="init.shape that the initial mesh was asked as")
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
     add_settings(args, Fit)
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
@@ -74,6 +83,7 @@ def _parse(argv: Sequence[str] | None) -> argparse.Namespace:
     )
     args.add_argument("--cameras", type=output_file, required=True, help="cameras.json to write")
     args.add_argument("--loss", type=output_file, required=True, help="loss.csv to write")
+    args.add_argument("--notes", type=output_file, required=True, help="fit.json to write")
     return args.parse_args(argv)
 
 

@@ -35,7 +35,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         scene.cameras,
         trial_with(given.trial),
         share_of(f"initial {given.output}"),
-        scene.notes["frame"],
+        scene.frames,
     )
     for warning in initial.notes["warnings"]:
         print(f"silmesh: {given.scene}: {warning}", file=sys.stderr)

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import torch
 import trimesh
 
@@ -28,7 +29,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     cameras, _, scene = read_scene(given.scene)
     silhouettes = read_silhouettes(given.scene / SILHOUETTES, cameras.views)
     shown = find_shown(silhouettes)
-    hull = carve(silhouettes[shown], cameras.select(shown), RESOLUTION)
+    frames = np.array([scene["frames"][cameras.views[i]] for i in shown])
+    hull = carve(silhouettes[shown], cameras.select(shown), RESOLUTION, frames=frames)
     mesh = trimesh.Trimesh() if hull.empty else trimesh.Trimesh(*hull.surface())
     picture = draw_rings(cameras, mesh, scene["dropped"])
     with replacing(given.output) as part:

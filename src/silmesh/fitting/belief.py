@@ -1,0 +1,96 @@
+"""How far a fit believes the views: what contradicts the other views has no say.
+
+The visual hull of the others judges each view (``silmesh.geometry.robust_hull``). Where the hull of
+all silhouettes explains them, which is the rule, every view and pixel counts as it is.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from silmesh.errors import name_some
+from silmesh.geometry.camera import Cameras
+from silmesh.geometry.frame import known_pixels
+from silmesh.geometry.overlap import iou
+from silmesh.geometry.robust_hull import robust_carve
+from silmesh.scene.scene import Scene
+from silmesh.softras.batches import render_views
+
+SHARP = 1e-6  # sigma of a rendering whose alpha is thresholded
+
+
+@dataclass(frozen=True)
+class Belief:
+    """What counts of the views that a fit is to see.
+
+    Attributes:
+        views: their positions in the scene, without those that have no weight
+        weights: [views] how much each counts
+        known: [views, height, width] bool, the pixels that count; None if all do
+        distrusted: names of the views that lost all weight because the others contradict them
+        corrected: names of those of which a part does not count
+    """
+
+    views: list[int]
+    weights: np.ndarray
+    known: np.ndarray | None
+    distrusted: list[str]
+    corrected: list[str]
+
+    @property
+    def warnings(self) -> list[str]:
+        """What does not count, in sentences for a person."""
+        said = []
+        if self.distrusted:
+            views = name_some(self.distrusted)
+            said.append(f"the other views contradict {views}: no weight in the fit")
+        if self.corrected:
+            said.append(
+                f"parts of the silhouettes contradict those of other views in "
+                f"{name_some(self.corrected)}: they do not count in the fit"
+            )
+        return said
+
+    def measure(self, verts: Tensor, faces: Tensor, cameras: Cameras, scene: Scene) -> float:
+        """Mean IoU of a mesh with what counts of the silhouettes.
+
+        Args:
+            verts: [verts, 3] float32 in the cameras' world
+            faces: [faces, 3] int64
+            cameras: of all views of the scene
+        """
+        silhouettes = scene.silhouettes[self.views]
+        points = cameras.select(self.views).project(verts)
+        alphas = render_views(points, faces, silhouettes.shape[1:], SHARP)
+        shown = torch.stack(list(alphas)).numpy() > 0.5
+        return float(np.average(iou(shown, silhouettes, self.known), weights=self.weights))
+
+
+def find_belief(scene: Scene, views: list[int], judged: bool) -> Belief:
+    """What counts of these views of a scene.
+
+    Args:
+        views: their positions, of those that the scene gives weight
+        judged: whether views and pixels that the others contradict lose their say
+    """
+    cameras, silhouettes = scene.cameras.select(views), scene.silhouettes[views]
+    frames = None if scene.frames is None else scene.frames[views]
+    known = known_pixels(silhouettes, frames)
+    given = scene.notes.get("weights", {})
+    weights = np.array([given.get(view, 1.0) for view in cameras.views])
+    if not judged:
+        return Belief(views, weights, known, [], [])
+    hull = robust_carve(silhouettes, cameras, frames)
+    if not (hull.distrusted or hull.corrected):
+        return Belief(views, weights, known, [], [])
+    kept = np.flatnonzero(hull.reliability > 0)
+    believed = ~hull.disbelieved if known is None else known & ~hull.disbelieved
+    return Belief(
+        [views[i] for i in kept],
+        weights[kept],
+        believed[kept],
+        [cameras.views[i] for i in hull.distrusted],
+        [cameras.views[i] for i in hull.corrected],
+    )

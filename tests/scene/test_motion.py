@@ -1,0 +1,89 @@
+"""Which of two models is taken: the completed one, or the one that it was made of."""
+
+from dataclasses import replace
+
+import numpy as np
+import PIL.Image  # noqa: F401, before pycolmap
+import pycolmap
+import pytest
+import torch
+from scenes import names, silhouettes, turntable
+
+from silmesh.cameras.stages import LARGEST, MODEL, Report, make_stage
+from silmesh.scene.motion import judge_model
+from silmesh.views import place_view
+
+SIZE, COUNT, KEPT = 64, 12, 8
+VIEWS = [place_view(name, "", SIZE, SIZE, SIZE, "pad") for name in names(COUNT)]
+POINTS = np.random.default_rng(0).uniform(-0.3, 0.3, (80, 3))
+
+
+@pytest.fixture(scope="module")
+def ring():
+    cameras = turntable(COUNT, SIZE, elevation=15)
+    return cameras, silhouettes(cameras, [0.45, 0.12, 0.1], [0.1, 0.1, 0])
+
+
+def write_model(folder, cameras):
+    """A model of these cameras, which see all points where they are."""
+    model = pycolmap.Reconstruction()
+    focal, _, middle = cameras.K[0, 0].tolist()
+    camera = pycolmap.Camera(
+        camera_id=1,
+        model="SIMPLE_PINHOLE",
+        width=SIZE,
+        height=SIZE,
+        params=[focal, middle, middle],
+    )
+    model.add_camera_with_trivial_rig(camera)
+    for number, name in enumerate(cameras.views, start=1):
+        pose = np.column_stack([cameras.R[number - 1].numpy(), cameras.t[number - 1].numpy()])
+        seen = cameras.select([number - 1]).project(torch.as_tensor(POINTS))[0].numpy()
+        image = pycolmap.Image(name=name, keypoints=seen, camera_id=1, image_id=number)
+        model.add_image_with_trivial_frame(image, pycolmap.Rigid3d(pose))
+    for j, point in enumerate(POINTS):
+        elements = [pycolmap.TrackElement(i, j) for i in range(1, len(cameras) + 1)]
+        model.add_point3D(point, pycolmap.Track(elements))
+    model.update_point_3d_errors()
+    folder.mkdir()
+    model.write(folder)
+
+
+def make_model(folder, completed, largest):
+    """The stage of a model of ``completed`` cameras that was made of one of ``largest``."""
+
+    def work(part, report):
+        write_model(part / MODEL, completed)
+        write_model(part / LARGEST, largest)
+        return report
+
+    figures = {
+        "features": dict.fromkeys(names(COUNT), 100),
+        "linked": dict.fromkeys(names(COUNT), 5),
+        "models": [len(completed)],
+        "closest": {},
+    }
+    make_stage(folder, Report(figures=figures), work)
+    return folder
+
+
+def test_a_completed_model_that_the_silhouettes_agree_with_is_taken(ring, tmp_path):
+    cameras, seen = ring
+    model = make_model(tmp_path / "m", cameras, cameras.select(range(KEPT)))
+    attempt = judge_model("colmap", model, VIEWS, seen)
+    assert attempt.cameras.views == tuple(names(COUNT))
+    assert attempt.figures["coherence"] > 0.95
+
+
+def test_a_wrong_completion_is_not_taken(ring, tmp_path):
+    """Four views that were joined a quarter of a turn off, as by a pattern that repeats."""
+    cameras, seen = ring
+    elsewhere = [*range(KEPT), *((i + COUNT // 4) % COUNT for i in range(KEPT, COUNT))]
+    wrong = cameras.select(elsewhere)
+    wrong = replace(wrong, views=tuple(names(COUNT)))
+    model = make_model(tmp_path / "m", wrong, cameras.select(range(KEPT)))
+    attempt = judge_model("colmap", model, VIEWS, seen)
+    assert attempt.cameras.views == tuple(names(KEPT))
+    assert attempt.figures["coherence"] > 0.95 > attempt.figures["coherence_completed"]
+    assert "the model that was completed to 12 views is not taken" in attempt.warnings[-1]
+    assert list(attempt.dropped) == names(COUNT)[KEPT:]
