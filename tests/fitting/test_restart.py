@@ -1,18 +1,24 @@
 """Another start where the given one leads astray, on an ellipsoid whose shape is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
 from scenes import dome, silhouettes
 
+from silmesh.fitting.checkpoint import Checkpoint
 from silmesh.fitting.fit import fit_mesh
 from silmesh.fitting.restart import fit_or_restart, may_restart
 from silmesh.geometry.camera import INITIAL_SCALE, Similarity
 from silmesh.scene.scene import Scene
 from silmesh.settings.fit import FastFit, SoftRasFit
+from silmesh.settings.init import Init
+from silmesh.shapes.initial import make_initial_mesh
 
 AXES = np.array([0.45, 0.3, 0.2])
 FEW = FastFit(iterations=4, device="cpu")
+KEPT = {"remesh": False}  # the faces of the start
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +50,45 @@ def test_a_splinter_is_left_for_an_ellipsoid(scene):
     assert fitted.notes["iou_end"] > 0.9
     assert "began again from an ellipsoid" in fitted.notes["warnings"][0]
     assert fitted.mesh.volume == pytest.approx(4 / 3 * np.pi * AXES.prod(), rel=0.1)
+
+
+def test_another_start_has_as_many_vertices_as_the_first(scene):
+    fitted = fit_or_restart(ellipsoid([0.45, 0.02, 0.02]), scene, FEW.model_copy(update=KEPT))
+    assert "began again" in fitted.notes["warnings"][0]
+    assert len(fitted.mesh.vertices) == 642
+
+
+def test_an_ellipsoid_is_no_other_start_than_itself(scene):
+    """Of silhouettes that no body has: each is one half of the image or the other."""
+    halves = np.zeros_like(scene.silhouettes)
+    halves[::2, :, :32] = halves[1::2, :, 32:] = True
+    torn = replace(scene, silhouettes=halves)
+    start = make_initial_mesh(Init(shape="ellipsoid", vertices=642), halves, scene.cameras).mesh
+    seen = []
+    fitted = fit_or_restart(start, torn, FEW, seen.append)
+    assert fitted.notes["iou_end"] < 0.9
+    assert [record.iteration for record in seen] == [0, 1, 2, 3]
+    assert not any("another start" in said for said in fitted.notes["warnings"])
+
+
+def test_a_fit_that_is_killed_after_another_start_goes_on_there(scene, tmp_path):
+    splinter, seen = ellipsoid([0.45, 0.02, 0.02]), []
+    ways = [lambda of, n=n: Checkpoint(tmp_path / f"{n}.pt", of, every=0) for n in ("a", "b")]
+    whole = fit_or_restart(splinter, scene, FEW)
+
+    def kill(record):
+        seen.append(record.iteration)
+        if len(seen) == 7:  # the third step of the second fit
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fit_or_restart(splinter, scene, FEW, kill, *ways)
+    assert seen == [0, 1, 2, 3, 0, 1, 2]
+    left = []
+    again = fit_or_restart(splinter, scene, FEW, lambda r: left.append(r.iteration), *ways)
+    assert left == [2, 3]
+    np.testing.assert_array_equal(again.mesh.vertices, whole.mesh.vertices)
+    assert again.notes == whole.notes
 
 
 def test_a_start_that_is_asked_for_is_kept():

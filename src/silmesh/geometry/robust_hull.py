@@ -28,6 +28,7 @@ from skimage.measure import block_reduce
 
 from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
 from silmesh.geometry.frame import is_cut, whole_frames
+from silmesh.geometry.small_images import shrink
 from silmesh.geometry.visual_hull import Hull, carve
 
 RESOLUTION = 128  # samples a side of the hull that is carved
@@ -160,7 +161,7 @@ def find_uncovered(hull: Hull, silhouettes: np.ndarray, cameras: Cameras) -> np.
     Returns:
         [views]
     """
-    small, eyes = _shrink(silhouettes, cameras, GLANCE)
+    small, eyes = shrink(silhouettes, cameras, GLANCE)
     points = hull.origin + (2 * np.argwhere(_solid(hull)) + 0.5) * hull.spacing
     pixel = _project(eyes.projections.numpy(), points, small.shape[1], small.shape[2])
     covered = _cover(pixel, small[0].size)
@@ -181,23 +182,9 @@ def _solid(hull: Hull) -> np.ndarray:
     return block_reduce(hull.field > 0, (2, 2, 2), np.max)
 
 
-def _shrink(
-    silhouettes: np.ndarray, cameras: Cameras, size: int = SIZE
-) -> tuple[np.ndarray, Cameras]:
-    """The silhouettes in images of at most so many pixels, and the cameras of these."""
-    count, height, width = silhouettes.shape
-    scale = min(1.0, size / max(height, width))
-    shape = (max(1, round(scale * height)), max(1, round(scale * width)))
-    images = torch.from_numpy(silhouettes.astype(np.float32)).unsqueeze(1)
-    small = torch.nn.functional.interpolate(images, shape, mode="area").squeeze(1)
-    to_small = torch.diag(torch.tensor([shape[1] / width, shape[0] / height, 1.0])).double()
-    sizes = torch.tensor([[shape[1], shape[0]]]).expand(count, 2)
-    return (small > 0.5).numpy(), cameras.in_pixels_of(to_small.expand(count, 3, 3), sizes)
-
-
 def _look(silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray) -> _Looks:
     """The points that at least half of the views may see, in the small images."""
-    small, eyes = _shrink(silhouettes, cameras)
+    small, eyes = shrink(silhouettes, cameras, SIZE)
     scale = small.shape[2] / silhouettes.shape[2]
     cut = is_cut(silhouettes, frames)
     denied = ~ndimage.binary_dilation(small, AROUND[None])
@@ -359,7 +346,7 @@ def _carve_believed(
     bitten = _enlarge(bites.reshape(-1, *looks.shape), silhouettes.shape) & ~silhouettes
     eyes = cameras.select(kept.tolist())
     hull = carve((silhouettes | bitten)[kept], eyes, resolution, frames=frames[kept])
-    small, eyes = _shrink(silhouettes, cameras)
+    small, eyes = shrink(silhouettes, cameras, SIZE)
     points = hull.origin + (2 * np.argwhere(_solid(hull)) + 0.5) * hull.spacing
     pixel = _project(eyes.projections.numpy(), points, *looks.shape)
     covered = _cover(pixel, looks.shown.shape[1]).reshape(small.shape)

@@ -209,16 +209,17 @@ def _score(
     """How every placed shape does, the best first, and why some are not among them."""
     if trial is None:
         raise ValueError("auto needs a trial")
-    meshes, warnings = {}, []
+    meshes, empty = {}, {}
 
     def make(shape: str) -> None:
         try:
             small = init.model_copy(update={"shape": shape, "vertices": VERTICES})
             meshes[shape] = _make(small, silhouettes, cameras, frames).mesh
         except EmptyHull as error:
-            warnings.append(str(error))
+            empty[shape] = str(error)
 
     share(make, PLACED)
+    warnings = [empty[shape] for shape in PLACED if shape in empty]  # whichever came first
     meshes = {shape: meshes[shape] for shape in PLACED if shape in meshes}
     return score_meshes(meshes, silhouettes, cameras, trial, progress, frames), warnings
 

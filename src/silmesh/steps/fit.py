@@ -4,8 +4,9 @@ import argparse
 import csv
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import astuple, fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import torch
 from silmesh.errors import blaming
 from silmesh.files import remove, replacing
 from silmesh.fitting.checkpoint import Checkpoint
-from silmesh.fitting.fit import fit_mesh
+from silmesh.fitting.fit import Fitted, fit_mesh
 from silmesh.fitting.loop import Record
 from silmesh.fitting.restart import fit_or_restart, may_restart
 from silmesh.geometry.camera import write_cameras
@@ -31,13 +32,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     torch.set_num_threads(given.threads)
     progress = Progress(f"fit {given.name}", given.settings.iterations)
     with blaming(given.name):
-        fit = fit_or_restart if may_restart(given.shape, given.settings) else fit_mesh
-        fitted = fit(
-            read_mesh(given.initial),
-            load_scene(given.scene),
-            given.settings,
-            lambda record: progress(record.iteration + 1, f"loss {record.loss:.4f}"),
-            (lambda parts: _take_up(given, parts)) if given.checkpoint else None,
+        fitted = _fit(
+            given, lambda record: progress(record.iteration + 1, f"loss {record.loss:.4f}")
         )
     for warning in fitted.notes["warnings"]:
         print(f"silmesh: {given.name}: {warning}", file=sys.stderr)
@@ -49,19 +45,38 @@ def main(argv: Sequence[str] | None = None) -> None:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(field.name for field in fields(Record))
         table.writerows(map(astuple, fitted.records))
-    if given.checkpoint:
-        remove(given.checkpoint)
+    for file in _checkpoints(given):
+        remove(file)
 
 
-def _take_up(given: argparse.Namespace, parts: Sequence[Any]) -> Checkpoint:
+def _fit(given: argparse.Namespace, watch: Callable[[Record], None]) -> Fitted:
+    """The fit from the initial mesh, or from another start where that may be tried and is better.
+
+    Args:
+        watch: is told of each step
+    """
+    whole = read_mesh(given.initial), load_scene(given.scene), given.settings, watch
+    go_on = [partial(_take_up, given, file) for file in _checkpoints(given)]
+    if may_restart(given.shape, given.settings):
+        return fit_or_restart(*whole, *go_on)
+    return fit_mesh(*whole, *go_on[:1])
+
+
+def _checkpoints(given: argparse.Namespace) -> list[Path]:
+    """The files of the fits from the initial mesh and from another start; none if not asked for."""
+    file = given.checkpoint
+    return [file, file.with_stem(f"{file.stem}-again")] if file else []
+
+
+def _take_up(given: argparse.Namespace, file: Path, parts: Sequence[Any]) -> Checkpoint:
     """The checkpoint of a fit of these parts, and a word on what is in it."""
-    checkpoint = Checkpoint(given.checkpoint, (*parts, given.code))
-    if given.checkpoint.exists():
+    checkpoint = Checkpoint(file, (*parts, given.code))
+    if file.exists():
         useful = checkpoint.read()
         print(
-            f"{given.name}: goes on from {given.checkpoint}"
+            f"{given.name}: goes on from {file}"
             if useful
-            else f"{given.name}: begins anew: {given.checkpoint} has no state of this fit"
+            else f"{given.name}: begins anew: {file} has no state of this fit"
         )
     return checkpoint
 
