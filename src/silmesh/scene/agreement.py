@@ -198,8 +198,8 @@ def _believe(found: _Found, views: _Views, keep_world: bool, resolution: int) ->
     if not (wrong or verdict.corrected) or len(wrong) > MOST_WRONG * len(views.silhouettes):
         return None
     kept = np.flatnonzero(verdict.reliability > 0)
-    placing = views._replace(silhouettes=views.silhouettes ^ parts)
-    placing = placing.select(np.intersect1d(kept, find_shown(placing.silhouettes)))
+    whole = np.setdiff1d(kept, verdict.corrected)
+    placing = views.select(whole if 2 * len(whole) > len(kept) else kept)
     carving = views._replace(silhouettes=views.silhouettes | parts).select(kept)
     again = _measure(views, placing, carving, keep_world, resolution)
     area = views.silhouettes.sum(axis=(1, 2))
