@@ -52,6 +52,14 @@ class Normalised:
         """The mean coherence of the views that say something and are not contradicted."""
         return float(np.delete(self.coherence, [*self.contradicted, *self.empty]).mean())
 
+    @property
+    def overall(self) -> float:
+        """The same of all views that say something: that views are contradicted does not lift it.
+
+        By it cameras are compared and refused, since wrong ones agree with a few views by chance.
+        """
+        return float(np.delete(self.coherence, self.empty).mean())
+
 
 def find_shown(silhouettes: np.ndarray) -> np.ndarray:
     """Positions of the views whose silhouette is not empty; an empty one says nothing."""
@@ -69,9 +77,9 @@ def normalise(
     """Take the cameras' lenses away, normalise their world and measure their coherence.
 
     The views whose silhouette is empty have no say in it. If the coherence is low, those have none
-    either that ``robust_carve`` does not believe, and the hull is the one that it believes. What it
-    does not believe of the views that are left still counts as disagreement, so that it cannot make
-    wrong cameras seem right.
+    either that ``robust_carve`` does not believe, and the hull is the one that it carves. What it does
+    not believe of the views that are left still counts as disagreement, so that it cannot make wrong
+    cameras seem right.
 
     Args:
         cameras: in their own world
@@ -223,7 +231,7 @@ def refuse_incoherent(
     except InputError as error:
         why = f"cameras {attempt.source!r}: {error}"
         return replace(attempt, cameras=None, refusal=why)
-    mean, views = normalised.mean, attempt.cameras.views
+    mean, views = normalised.overall, attempt.cameras.views
     figures = {"coherence": mean, "contradicted": [views[i] for i in normalised.contradicted]}
     attempt = replace(attempt, figures={**attempt.figures, **figures})
     if mean >= REFUSED:
@@ -248,9 +256,9 @@ def choose(attempts: Sequence[Attempt], candidates: Sequence[Normalised | None])
         candidates: None where an attempt was refused; not all are
     """
     there = [i for i, p in enumerate(candidates) if p is not None]
-    most = max(candidates[i].mean for i in there)
-    near = [i for i in there if candidates[i].mean >= most - NEAR]
-    best = max(near, key=lambda i: (len(candidates[i].cameras), candidates[i].mean))
+    most = max(candidates[i].overall for i in there)
+    near = [i for i in there if candidates[i].overall >= most - NEAR]
+    best = max(near, key=lambda i: (len(candidates[i].cameras), candidates[i].overall))
     return best, _say_why(best, attempts, candidates)
 
 
@@ -270,4 +278,4 @@ def refused_or(attempt: Attempt, normalised: Normalised | None) -> str:
     """An attempt's coherence and views, or why it has no cameras."""
     if normalised is None:
         return f"no cameras ({attempt.refusal})"
-    return f"hull IoU {normalised.mean:.3f} over {len(normalised.cameras)} views"
+    return f"hull IoU {normalised.overall:.3f} over {len(normalised.cameras)} views"

@@ -247,7 +247,7 @@ def _find_fitting(
 def _measure(cameras: Cameras, silhouettes: np.ndarray, frames: np.ndarray | None) -> float:
     """The hull IoU, coarsely; 0 where the cameras cannot be normalised."""
     try:
-        return normalise(cameras, silhouettes, resolution=RESOLUTION, frames=frames).mean
+        return normalise(cameras, silhouettes, resolution=RESOLUTION, frames=frames).overall
     except InputError:
         return 0.0
 
