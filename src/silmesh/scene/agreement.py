@@ -77,9 +77,9 @@ def normalise(
     """Take the cameras' lenses away, normalise their world and measure their coherence.
 
     The views whose silhouette is empty have no say in it. If the coherence is low, those have none
-    either that ``robust_carve`` does not believe, and the hull is the one that it carves. What it does
-    not believe of the views that are left still counts as disagreement, so that it cannot make wrong
-    cameras seem right.
+    either that ``robust_carve`` does not believe, and the hull is the one that it carves. What it
+    does not believe of the views that are left still counts as disagreement, so that it cannot make
+    wrong cameras seem right.
 
     Args:
         cameras: in their own world
