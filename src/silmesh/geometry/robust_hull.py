@@ -12,8 +12,8 @@ view is judged by the hull of the others, in two steps on a grid of points and i
    others' silhouettes lose more pixels by it than it is large.
 
 The hull is then carved exactly, as ever, from the views that kept their say, with their bites
-filled. Where the strict hull explains the silhouettes nothing of this is done, and nothing comes of it
-where most views would be doubted.
+filled. Where the strict hull explains the silhouettes nothing of this is done, and nothing comes of
+it where most views would be doubted.
 """
 
 from collections.abc import Callable, Sequence
