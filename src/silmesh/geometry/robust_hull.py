@@ -28,7 +28,7 @@ from scipy import ndimage
 from skimage.measure import block_reduce
 
 from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
-from silmesh.geometry.frame import is_cut, whole_frames
+from silmesh.geometry.frame import bound_object, is_cut, whole_frames
 from silmesh.geometry.small_images import shrink
 from silmesh.geometry.visual_hull import Hull, carve
 
@@ -201,13 +201,15 @@ def _look(silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray) -> _Loo
         denied[view] &= inside
     beyond = np.column_stack([denied.reshape(len(small), -1), ~cut])
     P, (height, width) = eyes.projections.numpy(), small.shape[1:]
-    shown = small.any(axis=(1, 2))
+    shown, bounded = small.any(axis=(1, 2)), bound_object(silhouettes, frames)
     axes = [np.linspace(-1.6 * OBJECT_RADIUS, 1.6 * OBJECT_RADIUS, COARSE)] * 3
     for samples in (SAMPLES, 0):
         points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
         pixel = _project(P, points, height, width)
         against = _count(pixel, beyond, shown)
         kept = against <= shown.sum() / 2
+        if not bounded:  # nor is it looked for beyond the sphere that holds it
+            kept &= np.linalg.norm(points, axis=1) <= OBJECT_RADIUS
         if samples and kept.any():
             step = axes[0][1] - axes[0][0]
             low, high = points[kept].min(axis=0) - step, points[kept].max(axis=0) + step
