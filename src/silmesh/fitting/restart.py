@@ -52,7 +52,7 @@ def fit_or_restart(
     start, end = fitted.notes["iou_start"], fitted.notes["iou_end"]
     if end >= max(COHERENT, start - LESS):
         return fitted
-    init = Init(shape=FALLBACK, vertices=len(mesh.vertices), align="bbox")
+    init = Init(shape=FALLBACK, vertices=len(mesh.vertices), align="bbox", genus="keep")
     other = make_initial_mesh(init, scene.silhouettes, scene.cameras, frames=scene.frames).mesh
     if _is_same(mesh, other):
         return fitted
