@@ -14,7 +14,7 @@ from silmesh.fitting.belief import find_belief
 from silmesh.fitting.checkpoint import Checkpoint
 from silmesh.fitting.loop import Record
 from silmesh.fitting.loop import run as run_fit
-from silmesh.fitting.presets import find_procedure
+from silmesh.fitting.presets import find_procedure, refuse_result
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.mesh_files import to_tensors
 from silmesh.own_code import naming, own_file
@@ -86,6 +86,7 @@ def fit_mesh(
         start = fit.verts.clone(), fit.faces
         records = run_fit(fit, watch, checkpoint)
         corrected = fit.correct(cameras, kept)
+        refuse_result(settings.preset, fit, len(records), corrected, len(cameras))
         notes = {
             "iou_start": belief.measure(*(part.cpu() for part in start), cameras, scene),
             "iou_end": belief.measure(fit.verts.cpu(), fit.faces.cpu(), corrected, scene),

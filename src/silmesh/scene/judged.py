@@ -11,7 +11,7 @@ from silmesh.geometry.frame import count_on_frame
 from silmesh.geometry.silhouette_iou import coherence
 from silmesh.geometry.visual_hull import carve
 from silmesh.progress import Share, untold
-from silmesh.scene.colour_edges import Figures, compare_all, contradict
+from silmesh.scene.colour_edges import Figures, compare_all, contradict, describe_offset
 from silmesh.scene.policy import DROPPED, KEPT, REPAIRED, WEIGHTS, Decision, decide
 from silmesh.scene.resegmentation import repair
 from silmesh.scene.scene import Scene, find_similarity
@@ -136,6 +136,7 @@ def _note(
     return {
         **notes,
         "dropped": notes["dropped"] | lost,
+        "measured": [*notes.get("measured", ()), *describe_offset(colours)],
         "doubtful": reasons or dict.fromkeys(notes["doubtful"], LOWERING),
         "contradicted": [views[i] for i in decision.fitted if contradict(colours[i])],
         "repaired": [view for view, fate in fates.items() if fate == REPAIRED],

@@ -28,6 +28,8 @@ SHAPES = ("sphere", *PLACED, "auto")
 FALLBACK = "ellipsoid"  # the shape that is taken if a hull is empty
 BETTER = 0.01  # IoU by which that must fit better than a hull to take its place
 LOST = 0.001  # share of a carved body's volume in smaller pieces from which to warn
+NOTHING = 1e-9  # volume over the cube of its size of what is no body
+FAR = 20  # radii of the object: a mesh of a person's own should not reach farther
 NAMED = 5  # most views that a warning names
 
 
@@ -158,7 +160,10 @@ def _make(
         notes = _describe(carved, cameras)
     elif own_file(init.shape):
         given = None if counted else init.vertices
-        mesh = _take(init.shape, call(init.shape, silhouettes, cameras, given))
+        own = silhouettes.copy()  # what it writes into stays its own
+        mesh = _take(init.shape, call(init.shape, own, cameras, given))
+        if init.align != "none":
+            _refuse_far(init.shape, mesh)
     elif init.align == "none":
         mesh = plain_primitive(init.shape, vertices)
     else:
@@ -195,7 +200,22 @@ def _take(shape: str, made: Any) -> trimesh.Trimesh:
         raise InputError(f"{shape}: gives a vertex that is not finite")
     if not (len(made.faces) and made.is_watertight):
         raise InputError(f"{shape}: gives a mesh that is not closed; should be watertight")
-    return trimesh.Trimesh(made.vertices, made.faces, process=False)
+    mesh = trimesh.Trimesh(made.vertices, made.faces, process=False)
+    if not abs(mesh.volume) > NOTHING * mesh.scale**3:
+        raise InputError(f"{shape}: gives a mesh without volume; should be a solid body")
+    if mesh.volume < 0:  # the fit would turn it outside out through its own surface
+        mesh.invert()
+    return mesh
+
+
+def _refuse_far(shape: str, mesh: trimesh.Trimesh) -> None:
+    """Refuse a mesh that is far larger than the object, or far from it."""
+    far = np.abs(mesh.vertices).max()
+    if far > FAR * OBJECT_RADIUS:
+        raise InputError(
+            f"{shape}: gives a mesh that reaches {far:.3g} from the origin; the object lies within "
+            f"{OBJECT_RADIUS:g} (init.align: none scales it)"
+        )
 
 
 def _score(
