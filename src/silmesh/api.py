@@ -32,9 +32,9 @@ from silmesh.cameras.attempt import FILE, WORLD_TO_CAMERA, Attempt
 from silmesh.cameras.locate import locate
 from silmesh.errors import InputError
 from silmesh.evaluation import metrics
-from silmesh.fitting.fit import Fitted, fit_mesh
+from silmesh.fitting.fit import Fitted
 from silmesh.fitting.loop import Record
-from silmesh.fitting.restart import fit_or_restart, may_restart
+from silmesh.fitting.robust_fit import fit_robustly
 from silmesh.fitting.trial import trial_with
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.mesh_files import read_mesh, write_coloured
@@ -374,8 +374,7 @@ def fit(
 
     whole = mesh.mesh if isinstance(mesh, Initial) else mesh
     shape = mesh.notes["asked"] if isinstance(mesh, Initial) else ""
-    begin = fit_or_restart if may_restart(shape, chosen) else fit_mesh
-    return begin(whole, scene, chosen, tell)
+    return fit_robustly(whole, scene, chosen, shape, tell)
 
 
 def evaluate(

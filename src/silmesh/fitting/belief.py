@@ -4,6 +4,7 @@ The visual hull of the others judges each view (``silmesh.geometry.robust_hull``
 all silhouettes explains them, which is the rule, every view and pixel counts as it is.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,8 +33,13 @@ class Belief:
     views: list[int]
     weights: np.ndarray
     known: np.ndarray | None
-    distrusted: list[str]
-    corrected: list[str]
+    distrusted: Sequence[str] = ()
+    corrected: Sequence[str] = ()
+
+    @property
+    def contested(self) -> int:
+        """How many views do not count as they are."""
+        return len(self.distrusted) + len(self.corrected)
 
     @property
     def warnings(self) -> list[str]:
@@ -62,27 +68,46 @@ class Belief:
         return float(np.average(values, weights=self.weights))
 
 
-def find_belief(scene: Scene, views: list[int], judged: bool) -> Belief:
-    """What counts of these views of a scene.
+def believe_all(scene: Scene, views: list[int]) -> Belief:
+    """Everything that these views of a scene show.
 
     Args:
         views: their positions, of those that the scene gives weight
-        judged: whether views and pixels that the others contradict lose their say
     """
-    cameras, silhouettes = scene.cameras.select(views), scene.silhouettes[views]
-    frames = None if scene.frames is None else scene.frames[views]
-    known = known_pixels(silhouettes, frames)
     given = scene.notes.get("weights", {})
-    weights = np.array([given.get(view, 1.0) for view in cameras.views])
-    if not judged:
-        return Belief(views, weights, known, [], [])
-    hull = robust_carve(silhouettes, cameras, frames)
+    weights = np.array([given.get(scene.cameras.views[i], 1.0) for i in views])
+    return Belief(views, weights, known_pixels(scene.silhouettes[views], _frames(scene, views)))
+
+
+def find_belief(scene: Scene, views: list[int], cameras: Cameras) -> Belief:
+    """What these views of a scene show and the others do not contradict.
+
+    Args:
+        views: as ``believe_all`` takes them
+        cameras: of all views, in the normalised world, by which they are judged
+    """
+    plain, cameras = believe_all(scene, views), cameras.select(views)
+    hull = robust_carve(scene.silhouettes[views], cameras, _frames(scene, views))
     if not (hull.distrusted or hull.corrected):
+<<<<<<< HEAD
         return Belief(views, weights, known, [], [])
     return Belief(
         [views[i] for i in hull.trusted],
         weights[hull.trusted],
         hull.count(known),
+=======
+        return plain
+    kept = np.flatnonzero(hull.reliability > 0)
+    believed = ~hull.disbelieved if plain.known is None else plain.known & ~hull.disbelieved
+    return Belief(
+        [views[i] for i in kept],
+        plain.weights[kept],
+        believed[kept],
+>>>>>>> main
         [cameras.views[i] for i in hull.distrusted],
         [cameras.views[i] for i in hull.corrected],
     )
+
+
+def _frames(scene: Scene, views: list[int]) -> np.ndarray | None:
+    return None if scene.frames is None else scene.frames[views]

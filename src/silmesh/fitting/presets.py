@@ -77,8 +77,8 @@ def _refuse_mesh(preset: str, fit: Procedure) -> None:
     faces = _read(preset, fit, "faces", "int64 [faces, 3]")
     if not verts.is_floating_point() or verts.requires_grad or not verts.isfinite().all():
         raise InputError(
-            f"{preset}: has verts, {verts.dtype}{', with a gradient' * verts.requires_grad}; should "
-            "have finite floats, detached"
+            f"{preset}: has verts, {verts.dtype}{', with a gradient' * verts.requires_grad}; "
+            "should have finite floats, detached"
         )
     if faces.dtype != int64 or not len(faces) or faces.min() < 0 or faces.max() >= len(verts):
         raise InputError(

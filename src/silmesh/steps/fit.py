@@ -4,7 +4,7 @@ import argparse
 import csv
 import json
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import astuple, fields
 from functools import partial
 from pathlib import Path
@@ -15,9 +15,8 @@ import torch
 from silmesh.errors import blaming
 from silmesh.files import remove, replacing
 from silmesh.fitting.checkpoint import Checkpoint
-from silmesh.fitting.fit import Fitted, fit_mesh
 from silmesh.fitting.loop import Record
-from silmesh.fitting.restart import fit_or_restart, may_restart
+from silmesh.fitting.robust_fit import ATTEMPTS, fit_robustly
 from silmesh.geometry.camera import write_cameras
 from silmesh.geometry.mesh_files import read_mesh, to_tensors, write_mesh
 from silmesh.progress import Progress
@@ -32,8 +31,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     torch.set_num_threads(given.threads)
     progress = Progress(f"fit {given.name}", given.settings.iterations)
     with blaming(given.name):
-        fitted = _fit(
-            given, lambda record: progress(record.iteration + 1, f"loss {record.loss:.4f}")
+        fitted = fit_robustly(
+            read_mesh(given.initial),
+            load_scene(given.scene),
+            given.settings,
+            given.shape,
+            lambda record: progress(record.iteration + 1, f"loss {record.loss:.4f}"),
+            partial(_take_up, given) if given.checkpoint else None,
         )
     for warning in fitted.notes["warnings"]:
         print(f"silmesh: {given.name}: {warning}", file=sys.stderr)
@@ -45,31 +49,19 @@ def main(argv: Sequence[str] | None = None) -> None:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(field.name for field in fields(Record))
         table.writerows(map(astuple, fitted.records))
-    for file in _checkpoints(given):
-        remove(file)
+    if given.checkpoint:
+        for attempt in ATTEMPTS:
+            remove(_name_checkpoint(given, attempt))
 
 
-def _fit(given: argparse.Namespace, watch: Callable[[Record], None]) -> Fitted:
-    """The fit from the initial mesh, or from another start where that may be tried and is better.
-
-    Args:
-        watch: is told of each step
-    """
-    whole = read_mesh(given.initial), load_scene(given.scene), given.settings, watch
-    go_on = [partial(_take_up, given, file) for file in _checkpoints(given)]
-    if may_restart(given.shape, given.settings):
-        return fit_or_restart(*whole, *go_on)
-    return fit_mesh(*whole, *go_on[:1])
-
-
-def _checkpoints(given: argparse.Namespace) -> list[Path]:
-    """The files of the fits from the initial mesh and from another start; none if not asked for."""
+def _name_checkpoint(given: argparse.Namespace, attempt: str) -> Path:
     file = given.checkpoint
-    return [file, file.with_stem(f"{file.stem}-again")] if file else []
+    return file if attempt == ATTEMPTS[0] else file.with_stem(f"{file.stem}-{attempt}")
 
 
-def _take_up(given: argparse.Namespace, file: Path, parts: Sequence[Any]) -> Checkpoint:
-    """The checkpoint of a fit of these parts, and a word on what is in it."""
+def _take_up(given: argparse.Namespace, attempt: str, parts: Sequence[Any]) -> Checkpoint:
+    """The checkpoint of one of the attempts at a fit, and a word on what is in it."""
+    file = _name_checkpoint(given, attempt)
     checkpoint = Checkpoint(file, (*parts, given.code))
     if file.exists():
         useful = checkpoint.read()
