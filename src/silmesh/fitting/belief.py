@@ -89,21 +89,11 @@ def find_belief(scene: Scene, views: list[int], cameras: Cameras) -> Belief:
     plain, cameras = believe_all(scene, views), cameras.select(views)
     hull = robust_carve(scene.silhouettes[views], cameras, _frames(scene, views))
     if not (hull.distrusted or hull.corrected):
-<<<<<<< HEAD
-        return Belief(views, weights, known, [], [])
+        return plain
     return Belief(
         [views[i] for i in hull.trusted],
-        weights[hull.trusted],
-        hull.count(known),
-=======
-        return plain
-    kept = np.flatnonzero(hull.reliability > 0)
-    believed = ~hull.disbelieved if plain.known is None else plain.known & ~hull.disbelieved
-    return Belief(
-        [views[i] for i in kept],
-        plain.weights[kept],
-        believed[kept],
->>>>>>> main
+        plain.weights[hull.trusted],
+        hull.count(plain.known),
         [cameras.views[i] for i in hull.distrusted],
         [cameras.views[i] for i in hull.corrected],
     )
