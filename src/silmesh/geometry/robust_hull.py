@@ -36,9 +36,10 @@ SIZE = 96  # pixels along the longer side of the images in which views are judge
 GLANCE = 64  # and of those in which the strict hull is looked at
 COARSE, SAMPLES = 48, 72  # points a side: of the search for the object's box, and of the judging
 ENOUGH = 6  # views; of fewer none can be told from the others
-UNCOVERED = 0.02  # of a silhouette's pixels: so many the strict hull may leave uncovered anyway
-UNUSUAL = 3  # and so many times as many as it does in the median view, as cameras that are a
-MOST_UNCOVERED = 0.05  # little wrong do; but never more than these
+# The strict hull explains silhouettes of each of which it leaves at most the share UNCOVERED of the
+# pixels uncovered. Cameras that are a little wrong uncover some pixels of all; so it may be UNUSUAL
+# times the share of the median view, but never more than MOST_UNCOVERED.
+UNCOVERED, UNUSUAL, MOST_UNCOVERED = 0.02, 3, 0.05
 SCATTERED = 0.05  # of the strict hull's volume: more than may lie in all pieces but the largest
 ROUNDS = 4  # in which views lose their say or get it back
 WORSE = 0.12  # by how much less than the median a view is predicted that loses its say
