@@ -8,18 +8,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from torch import Tensor
 
 from silmesh.errors import name_some
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.frame import known_pixels
-from silmesh.geometry.overlap import iou
 from silmesh.geometry.robust_hull import robust_carve
+from silmesh.geometry.silhouette_iou import SHARP, known_iou
 from silmesh.scene.scene import Scene
-from silmesh.softras.batches import render_views
-
-SHARP = 1e-6  # sigma of a rendering whose alpha is thresholded
 
 
 @dataclass(frozen=True)
@@ -67,11 +63,9 @@ class Belief:
             faces: [faces, 3] int64
             cameras: of all views of the scene
         """
-        silhouettes = scene.silhouettes[self.views]
-        points = cameras.select(self.views).project(verts)
-        alphas = render_views(points, faces, silhouettes.shape[1:], SHARP)
-        shown = torch.stack(list(alphas)).numpy() > 0.5
-        return float(np.average(iou(shown, silhouettes, self.known), weights=self.weights))
+        seen, silhouettes = cameras.select(self.views), scene.silhouettes[self.views]
+        values = known_iou(verts, faces, seen, silhouettes, SHARP, self.known)
+        return float(np.average(values, weights=self.weights))
 
 
 def believe_all(scene: Scene, views: list[int]) -> Belief:
@@ -96,12 +90,10 @@ def find_belief(scene: Scene, views: list[int], cameras: Cameras) -> Belief:
     hull = robust_carve(scene.silhouettes[views], cameras, _frames(scene, views))
     if not (hull.distrusted or hull.corrected):
         return plain
-    kept = np.flatnonzero(hull.reliability > 0)
-    believed = ~hull.disbelieved if plain.known is None else plain.known & ~hull.disbelieved
     return Belief(
-        [views[i] for i in kept],
-        plain.weights[kept],
-        believed[kept],
+        [views[i] for i in hull.trusted],
+        plain.weights[hull.trusted],
+        hull.count(plain.known),
         [cameras.views[i] for i in hull.distrusted],
         [cameras.views[i] for i in hull.corrected],
     )

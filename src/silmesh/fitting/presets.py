@@ -23,7 +23,7 @@ def find_procedure(preset: str) -> Callable[..., Procedure]:
     """The class that a preset's module names as its ``PROCEDURE``; only this module is loaded.
 
     It is called with an initial mesh's vertices and faces, cameras, silhouettes, the preset's
-    settings, the views' weights or None and, where frames cut silhouettes, the pixels that count.
+    settings, the views' weights or None and, where some pixels do not count, which do.
     So is a person's own function, or class, without the latter.
 
     Raises:

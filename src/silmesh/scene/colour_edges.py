@@ -76,7 +76,9 @@ def _find_offset(slope: np.ndarray, silhouette: np.ndarray, photographed: np.nda
     distance = np.round(np.where(silhouette, -inside, outside))
     looked = photographed & (np.abs(distance) <= BAND)
     index = np.arange(-BAND, BAND + 1)
-    steep = ndimage.mean(np.minimum(slope, STEEP), np.where(looked, distance, BAND + 1), index)
+    at = np.where(looked, distance, BAND + 1)
+    with np.errstate(invalid="ignore"):  # a thin object has no pixels that lie deep inside
+        steep = ndimage.mean(np.minimum(slope, STEEP), at, index)
     return float(-index[np.nan_to_num(steep).argmax()])
 
 
