@@ -63,11 +63,11 @@ def refuse_result(preset: str, fit: Procedure, steps: int, corrected: Any, views
     if not steps:
         raise InputError(f"{preset}: is done before a step; should take one or more")
     _refuse_mesh(preset, fit)
-    if not isinstance(corrected, Cameras) or len(corrected) != views:
-        count = f" of {len(corrected)} views" * isinstance(corrected, Cameras)
+    count = len(corrected) if isinstance(corrected, Cameras) else None
+    if count != views:
+        gives = type(corrected).__name__ if count is None else f"{count} cameras"
         raise InputError(
-            f"{preset}: its correct gives {type(corrected).__name__}{count}; should give Cameras "
-            f"of all {views} views"
+            f"{preset}: its correct gives {gives}; should give Cameras of all {views} views"
         )
 
 
@@ -77,8 +77,8 @@ def _refuse_mesh(preset: str, fit: Procedure) -> None:
     faces = _read(preset, fit, "faces", "int64 [faces, 3]")
     if not verts.is_floating_point() or verts.requires_grad or not verts.isfinite().all():
         raise InputError(
-            f"{preset}: has verts, {verts.dtype}{', with a gradient' * verts.requires_grad}; should "
-            "have finite floats, detached"
+            f"{preset}: has verts, {verts.dtype}{', with a gradient' * verts.requires_grad}; "
+            "should have finite floats, detached"
         )
     if faces.dtype != int64 or not len(faces) or faces.min() < 0 or faces.max() >= len(verts):
         raise InputError(
