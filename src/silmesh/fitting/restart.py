@@ -7,8 +7,10 @@ ellipsoid knows less and misleads less.
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
 import trimesh
 
+from silmesh.errors import InputError
 from silmesh.fitting.checkpoint import Checkpoint
 from silmesh.fitting.fit import Fitted, fit_mesh
 from silmesh.fitting.loop import Record
@@ -19,8 +21,7 @@ from silmesh.settings.init import Init
 from silmesh.shapes.initial import FALLBACK, make_initial_mesh
 
 LESS = 0.01  # of IoU: a fit that ends by more below its start was led astray
-
-
+ROUNDED = 1e-6  # most by which a file of single precision moves a vertex at unit size
 MISLEADING = ("hull", "auto")  # shapes that wrong silhouettes spoil, and that nobody compares
 
 
@@ -48,15 +49,26 @@ def fit_or_restart(
     other = make_initial_mesh(
         Init(shape=FALLBACK), scene.silhouettes, scene.cameras, frames=scene.frames
     )
-    again = fit_mesh(other.mesh, scene, settings, watch, go_on)
+    if _are_same(mesh, other.mesh):
+        return fitted
+    try:
+        again = fit_mesh(other.mesh, scene, settings, watch, go_on)
+    except InputError as error:  # numbers that are not finite; the first fit is there
+        return fitted.warning(f"an {FALLBACK} was tried as another start, in vain: {error}")
     other_end = again.notes["iou_end"]
     if other_end > end:
         return again.warning(_describe(other_end, end, restarted=True))
     return fitted.warning(_describe(end, other_end, restarted=False))
 
 
+def _are_same(mesh: trimesh.Trimesh, other: trimesh.Trimesh) -> bool:
+    """Whether a fit began with this mesh already, but for the precision of its file."""
+    here, there = mesh.vertices, other.vertices
+    return here.shape == there.shape and np.allclose(here, there, rtol=0, atol=ROUNDED)
+
+
 def _describe(end: float, other: float, restarted: bool) -> str:
     """What became of two starts, for a person."""
     if restarted:
-        return f"the fit began again from an {FALLBACK}: IoU {end:.2f} in place of {other:.2f}"
-    return f"an {FALLBACK} was tried as another start: IoU {other:.2f}, no better than {end:.2f}"
+        return f"the fit began again from an {FALLBACK}: IoU {end:.3f} in place of {other:.3f}"
+    return f"an {FALLBACK} was tried as another start: IoU {other:.3f}, no better than {end:.3f}"

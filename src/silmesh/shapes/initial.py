@@ -76,10 +76,13 @@ def make_initial_mesh(
             pixels; the whole images if not given
 
     Raises:
-        InputError: a function of a person's own fails, or gives no closed mesh
+        InputError: a function of a person's own fails, or gives no closed mesh; all silhouettes
+            are empty
     """
     if frames is not None and init.shape != "sphere":  # the report's is placed in the whole image
         silhouettes, cameras, frames = crop(silhouettes, cameras, frames)
+    if not silhouettes.any():
+        raise InputError("no silhouette shows the object: all are empty")
     scores, warnings = {}, []
     shape = init.shape
     if shape == "auto":
