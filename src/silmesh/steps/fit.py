@@ -29,6 +29,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Parse, load, call, save."""
     given = _parse(argv)
     torch.set_num_threads(given.threads)
+    checkpoints = _name_checkpoints(given.checkpoint)
+    paths = iter(checkpoints)
     progress = Progress(f"fit {given.name}", given.settings.iterations)
     with blaming(given.name):
         fit = fit_or_restart if may_restart(given.shape, given.settings) else fit_mesh
@@ -37,7 +39,7 @@ def main(argv: Sequence[str] | None = None) -> None:
             load_scene(given.scene),
             given.settings,
             lambda record: progress(record.iteration + 1, f"loss {record.loss:.4f}"),
-            (lambda parts: _take_up(given, parts)) if given.checkpoint else None,
+            (lambda parts: _take_up(given, next(paths), parts)) if checkpoints else None,
         )
     for warning in fitted.notes["warnings"]:
         print(f"silmesh: {given.name}: {warning}", file=sys.stderr)
@@ -49,19 +51,24 @@ def main(argv: Sequence[str] | None = None) -> None:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(field.name for field in fields(Record))
         table.writerows(map(astuple, fitted.records))
-    if given.checkpoint:
-        remove(given.checkpoint)
+    for path in checkpoints:
+        remove(path)
 
 
-def _take_up(given: argparse.Namespace, parts: Sequence[Any]) -> Checkpoint:
+def _name_checkpoints(path: Path | None) -> list[Path]:
+    """The files of the fit and of one that begins again: a kill in that loses neither."""
+    return [path, path.with_suffix(f".again{path.suffix}")] if path else []
+
+
+def _take_up(given: argparse.Namespace, path: Path, parts: Sequence[Any]) -> Checkpoint:
     """The checkpoint of a fit of these parts, and a word on what is in it."""
-    checkpoint = Checkpoint(given.checkpoint, (*parts, given.code))
-    if given.checkpoint.exists():
+    checkpoint = Checkpoint(path, (*parts, given.code))
+    if path.exists():
         useful = checkpoint.read()
         print(
-            f"{given.name}: goes on from {given.checkpoint}"
+            f"{given.name}: goes on from {path}"
             if useful
-            else f"{given.name}: begins anew: {given.checkpoint} has no state of this fit"
+            else f"{given.name}: begins anew: {path} has no state of this fit"
         )
     return checkpoint
 
