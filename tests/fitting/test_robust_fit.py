@@ -139,6 +139,24 @@ def test_a_bitten_view_is_fitted_where_it_is_not_bitten(scene):
     assert believing.notes["corrected"] == []
 
 
+def test_a_fit_of_fewer_views_that_fails_leaves_the_first(scene, monkeypatch):
+    """Then nothing is said of views that lost their weight, since they have it."""
+    bitten = scene.silhouettes.copy()
+    columns = np.flatnonzero(bitten[3].any(axis=0))
+    bitten[3, :, columns[4 * len(columns) // 5] :] = False
+    damaged, start = replace(scene, silhouettes=bitten), ellipsoid(0.95 * AXES)
+
+    def fit(*given):
+        if given[-1] is not None:  # what is believed
+            raise InputError("numbers that are not finite")
+        return fit_mesh(*given)
+
+    monkeypatch.setattr("silmesh.fitting.robust_fit.fit_mesh", fit)
+    fitted = fit_robustly(start, damaged, FEW, "hull")
+    assert fitted.notes["corrected"] == []
+    assert "in vain: numbers that are not finite" in fitted.notes["warnings"][0]
+
+
 def test_cameras_that_the_fit_sets_right_leave_the_silhouettes_believed():
     """Cameras that are 12 degrees too low contradict right silhouettes; refined ones do not."""
     seen = silhouettes(turntable(24, 64, 20), AXES, (0.05, 0, 0.03))

@@ -64,7 +64,11 @@ def fit_robustly(
         return fitted
     belief = judge(scene, settings, fitted) if settings.judge_views else None
     if belief:
-        fitted = fit("judged", mesh, belief)
+        try:
+            fitted = fit("judged", mesh, belief)
+        except InputError as error:  # numbers that are not finite; the fit before is there
+            said = f"a fit without what the other views contradict was in vain: {error}"
+            fitted, belief = fitted.warning(said), None
     end = fitted.notes["iou_end"]
     if shape not in MISLEADING or end >= max(COHERENT, fitted.notes["iou_start"] - LESS):
         return fitted
