@@ -681,3 +681,15 @@ def test_another_error_keeps_its_traceback(tmp_path):
     with pytest.raises(KeyError):
         run(main)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_interruption_is_no_success_and_shows_no_traceback(capsys):
+    def stopped(argv):
+        raise KeyboardInterrupt
+
+    with pytest.raises(SystemExit) as ended:
+        run(stopped)
+    assert ended.value.code == 130
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert said.startswith("silmesh: interrupted in ")
+    assert "test_steps.py, line " in said
