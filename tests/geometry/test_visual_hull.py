@@ -142,6 +142,23 @@ def test_a_hull_may_tolerate_a_view_that_disagrees(ball):
     assert 0.97 < volume / BALL < 1.1
 
 
+def test_where_every_view_is_cut_the_hull_does_not_go_on_into_what_none_speaks_of():
+    cameras = turntable(12, SIZE, elevation=15)
+    seen = silhouettes(cameras, [RADIUS] * 3)
+    frame = left, top, right, bottom = 16, 20, 80, 58  # the ball's lowest part leaves it
+    seen[:, bottom:] = False
+    frames = np.tile(frame, (12, 1))
+    assert is_cut(seen, frames).all()
+    hull = carve(seen, cameras, 64, frames=frames)
+    points = hull.origin + np.argwhere(hull.field > 0) * hull.spacing
+    assert np.linalg.norm(points, axis=1).max() <= 0.5  # the sphere that holds the object
+    pixels = cameras.project(torch.as_tensor(points)).numpy()
+    spoken = ((pixels >= (left, top)) & (pixels < (right, bottom))).all(axis=2)
+    assert spoken.any(axis=0).all()
+    assert 1 <= len(points) * np.prod(hull.spacing) / BALL < 1.25
+    assert coherence(hull, cameras, seen, frames).min() > 0.97
+
+
 def test_the_view_to_doubt_is_the_one_that_cuts_off_what_no_other_does(ball):
     cameras, seen = ball
     wrong = seen.copy()

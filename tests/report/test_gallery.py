@@ -10,7 +10,7 @@ from pages import SIZE, VIEWS, gallery
 from PIL import Image
 
 from silmesh.report.budget import choose_views, spread_evenly
-from silmesh.report.outlines import UNITS, outline_path
+from silmesh.report.outlines import UNITS, find_outlines, outline_path
 
 
 def corners(path):
@@ -91,3 +91,17 @@ def test_doubtful_views_leave_half_of_the_room_to_the_others():
 def test_spread_evenly():
     assert spread_evenly(range(10), 5) == [0, 2, 4, 6, 8]
     assert spread_evenly([3, 1], 5) == [3, 1]
+
+
+def test_along_the_frame_that_cuts_a_mask_there_is_no_outline():
+    mask = np.zeros((64, 64), bool)
+    mask[20:56, 10:30] = True  # it leaves the photograph, of rows 8 to 56, at its bottom
+    mask[12:16, 40:50] = True
+    cut, whole = sorted(find_outlines(mask, (0, 8, 64, 56)), key=len, reverse=True)
+    assert (whole[0] == whole[-1]).all()
+    assert sorted((cut[0].tolist(), cut[-1].tolist())) == [[10, 56.5], [30, 56.5]]
+    assert cut[:, 1].min() == 20
+    assert outline_path(mask, (0, 8, 64, 56)).count("z") == 1
+    for frame in (None, (0, 8, 64, 60)):  # as padding, and as background that is seen
+        assert outline_path(mask, frame) == outline_path(mask)
+        assert outline_path(mask, frame).count("z") == 2

@@ -612,11 +612,26 @@ def test_a_world_is_kept_if_asked(results, tmp_path):
 
 
 def test_a_camera_inside_the_object_is_named_with_its_file(results, tmp_path):
-    near = turntable(COUNT, SIZE).in_world_of(Similarity(torch.zeros(3), 0.1))
-    write_attempt(tmp_path / "near", Attempt("turntable", near))
-    with pytest.raises(InputError, match=r"near: the camera of view 'v0' stands inside"):
-        keep_world(results, tmp_path / "near", tmp_path / "scene")
-    assert not (tmp_path / "scene").exists()
+    shutil.copytree(results / "silhouettes", tmp_path / "silhouettes")
+    save(tmp_path / "silhouettes" / "v0.png", np.full((SIZE, SIZE, 4), 255, np.uint8))
+    given = turntable(COUNT, SIZE, elevation=20)
+    t = given.t.clone()
+    t[0] *= 0.05  # into the middle of the object, which fills what it sees
+    write_attempt(tmp_path / "near", Attempt("turntable", replace(given, t=t)))
+    argv = ["--views", results / "views", "--silhouettes", tmp_path / "silhouettes"]
+    argv += ["--cameras", tmp_path / "near", "--output", tmp_path / "scene"]
+    for world in ([], ["--keep-world"]):
+        with pytest.raises(InputError, match=r"near: the camera of view 'v0' stands inside"):
+            scene.main([*map(str, argv), *world])
+        assert not (tmp_path / "scene").exists()
+
+
+def test_a_camera_near_a_small_object_is_not_inside_it(results, tmp_path):
+    near = turntable(COUNT, SIZE, 20).in_world_of(Similarity(torch.zeros(3), 0.1))
+    write_attempt(tmp_path / "near", Attempt("turntable", near))  # 0.27 from one of radius 0.05
+    keep_world(results, tmp_path / "near", tmp_path / "scene")
+    told = json.loads((tmp_path / "scene" / "scene.json").read_text())
+    assert told["hull_iou_mean"] > 0.9
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="there is a GPU")

@@ -78,6 +78,15 @@ def known_pixels(
     return known
 
 
+def bound_object(silhouettes: np.ndarray, frames: Sequence[Sequence[int]] | None = None) -> bool:
+    """Whether silhouettes bound the object: no frame cuts one, or those that none cuts are enough.
+
+    Where they do not, there are places beyond the frames that hardly any view speaks of.
+    """
+    cut = is_cut(silhouettes, frames)
+    return not cut.any() or int((silhouettes.any(axis=(1, 2)) & ~cut).sum()) >= WHOLE
+
+
 def find_whole(
     silhouettes: np.ndarray, frames: Sequence[Sequence[int]] | None = None
 ) -> np.ndarray:

@@ -12,7 +12,8 @@ view is judged by the hull of the others, in two steps on a grid of points and i
    others' silhouettes lose more pixels by it than it is large.
 
 The hull is then carved exactly, as ever, from the views that kept their say, with their bites
-filled. Where the strict hull explains the silhouettes nothing of this is done.
+filled. Where the strict hull explains the silhouettes nothing of this is done, and nothing comes of
+it where most views would be doubted.
 """
 
 from collections.abc import Callable, Sequence
@@ -27,7 +28,7 @@ from scipy import ndimage
 from skimage.measure import block_reduce
 
 from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
-from silmesh.geometry.frame import is_cut, whole_frames
+from silmesh.geometry.frame import bound_object, is_cut, whole_frames
 from silmesh.geometry.small_images import shrink
 from silmesh.geometry.visual_hull import Hull, carve
 
@@ -44,6 +45,9 @@ SCATTERED = 0.05  # of the strict hull's volume: more than may lie in all pieces
 ROUNDS = 4  # in which views lose their say or get it back
 WORSE = 0.12  # by how much less than the median a view is predicted that loses its say
 SPREAD = 5  # and by how many median deviations
+# If more of the views than these are doubted, as a whole or in part, the cameras are wrong rather
+# than some silhouettes, and no silhouette is corrected by them.
+MOST_DOUBTED = 0.8
 BITE = 4  # pixels of a small image: smaller bites are not told from the grid
 LOST = 0.25  # of what a view and the others show: if they disagree on more, it has no weight
 AROUND = np.ones((3, 3), bool)
@@ -149,7 +153,9 @@ def robust_carve(
     bites, trusted = _find_bites(looks, trusted, tolerated)
     if 2 * trusted.sum() <= looks.shown.any(axis=1).sum():  # nothing can be told of any
         return strict
-    return _carve_believed(silhouettes, cameras, frames, resolution, looks, bites, trusted)
+    found = _carve_believed(silhouettes, cameras, frames, resolution, looks, bites, trusted)
+    doubted = len(found.distrusted) + len(found.corrected)
+    return strict if doubted > MOST_DOUBTED * len(cameras) else found
 
 
 def explains(hull: Hull, silhouettes: np.ndarray, cameras: Cameras) -> bool:
@@ -220,13 +226,15 @@ def _look(silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray) -> _Loo
         denied[view] &= inside
     beyond = np.column_stack([denied.reshape(len(small), -1), ~cut])
     P, (height, width) = eyes.projections.numpy(), small.shape[1:]
-    shown = small.any(axis=(1, 2))
+    shown, bounded = small.any(axis=(1, 2)), bound_object(silhouettes, frames)
     axes = [np.linspace(-1.6 * OBJECT_RADIUS, 1.6 * OBJECT_RADIUS, COARSE)] * 3
     for samples in (SAMPLES, 0):
         points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
         pixel = _project(P, points, height, width)
         against = _count(pixel, beyond, shown)
         kept = against <= shown.sum() / 2
+        if not bounded:  # nor is it looked for beyond the sphere that holds it
+            kept &= np.linalg.norm(points, axis=1) <= OBJECT_RADIUS
         if samples and kept.any():
             step = axes[0][1] - axes[0][0]
             low, high = points[kept].min(axis=0) - step, points[kept].max(axis=0) + step

@@ -11,12 +11,14 @@ outside or inside; the others are subdivided, and only the views that can hold t
 passed on to their parts.
 
 A view whose photograph's frame cuts the silhouette says nothing beyond that frame, nor is the cut
-an outline: distances are to the pixels of the other kind within the frame alone.
+an outline: distances are to the pixels of the other kind within the frame alone. Where hardly any
+view shows the object whole, the hull would go on in the places that only few speak of, and it is
+cut off at the sphere that holds the object.
 """
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +27,7 @@ from numba import njit
 from skimage.measure import marching_cubes
 
 from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
-from silmesh.geometry.frame import open_frames
+from silmesh.geometry.frame import bound_object, open_frames
 from silmesh.geometry.signed_distance import measure_within
 
 REACH = 1 / 16  # signed distances are cut off beyond this share of the image's side
@@ -107,14 +109,29 @@ def carve(
     with ThreadPoolExecutor(torch.get_num_threads()) as pool:
         outlines = _outlines(silhouettes, cameras, pool, frames)
         cell = _half_cell(cameras, (high - low) / (COARSE - 1))
+        bounded = bound_object(silhouettes, frames)
         coarse = _sample(outlines, low, high, COARSE, tolerated, cell, pool)
+        coarse = coarse if bounded else _cut_off(coarse, cameras)
         filled = np.argwhere(coarse.field > -min(0.95 * outlines.far, cell))
         if not len(filled):
             return coarse
         low = coarse.origin + (filled.min(axis=0) - 1) * coarse.spacing
         high = coarse.origin + (filled.max(axis=0) + 1) * coarse.spacing
         cell = 2 * _half_cell(cameras, (high - low) / (resolution - 1))
-        return _sample(outlines, low, high, resolution, tolerated, cell, pool)
+        hull = _sample(outlines, low, high, resolution, tolerated, cell, pool)
+    return hull if bounded else _cut_off(hull, cameras)
+
+
+def _cut_off(hull: Hull, cameras: Cameras) -> Hull:
+    """The part of a hull that lies in the sphere that holds the object."""
+    axes = [
+        first + step * np.arange(n)
+        for first, step, n in zip(hull.origin, hull.spacing, hull.field.shape, strict=True)
+    ]
+    squares = axes[0][:, None, None] ** 2 + axes[1][:, None] ** 2 + axes[2] ** 2
+    pixels = float((cameras.K[:, 0, 0] / cameras.centres.norm(dim=1)).median())
+    inside = pixels * (OBJECT_RADIUS - np.sqrt(squares))
+    return replace(hull, field=np.minimum(hull.field, inside.astype(np.float32)))
 
 
 def find_outlier_views(
@@ -233,7 +250,7 @@ def _fill(field, outlines, low, spacing, tolerated, band):
     A block's parts are filled before the next block of its size. So one list of views a size is
     enough: those that can hold the minimum in the current block.
     """
-    views, deepest = len(outlines.distances), len(BLOCKS) - 1
+    views, deepest, far = len(outlines.distances), len(BLOCKS) - 1, outlines.far
     deciding = np.empty((deepest + 2, views), np.int64)
     deciding[0] = np.arange(views)
     count = np.full(deepest + 2, views)
@@ -263,7 +280,8 @@ def _fill(field, outlines, low, spacing, tolerated, band):
             field[i : end[0], j : end[1], k : end[2]] = most
             continue
         if least > band:
-            field[i : end[0], j : end[1], k : end[2]] = min(least, outlines.far)
+            silent = least == np.inf  # of all views: outside, as sample by sample
+            field[i : end[0], j : end[1], k : end[2]] = -far if silent else min(least, far)
             continue
         kept = 0
         for at in range(len(here)):

@@ -32,6 +32,7 @@ class Shot:
         before: what was found, where it was segmented again, or None
         fate: ``kept``, ``repaired``, ``dropped``, or ``lost`` where it has no camera
         doubt: why it is an outlier or lost; empty if it is neither
+        frame: left, top, right and bottom of the photograph within its image, if known
     """
 
     view: str
@@ -40,6 +41,7 @@ class Shot:
     before: np.ndarray | None
     fate: str
     doubt: str
+    frame: Sequence[int] | None = None
 
 
 def describe_gallery(shots: Sequence[Shot]) -> dict[str, Any]:
@@ -71,8 +73,8 @@ def _describe_shot(shot: Shot, square: Square | None) -> dict[str, Any]:
         "name": shot.view,
         "crop": [round(UNITS * part) for part in square],
         "photo": _encode(shot.photograph, square),
-        "silhouette": "" if shot.silhouette is None else outline_path(shot.silhouette),
-        "before": "" if shot.before is None else outline_path(shot.before),
+        "silhouette": "" if shot.silhouette is None else outline_path(shot.silhouette, shot.frame),
+        "before": "" if shot.before is None else outline_path(shot.before, shot.frame),
         "fate": shot.fate,
         "doubt": shot.doubt,
     }

@@ -13,9 +13,9 @@ import matplotlib as mpl
 import numpy as np
 import trimesh
 from PIL import Image, ImageDraw, ImageFont
-from skimage.measure import find_contours
 
 from silmesh.geometry.camera import Cameras
+from silmesh.report.outlines import find_outlines
 
 CELL = 264  # side of one picture, in pixels
 CELLS = 5  # pictures of a view, side by side
@@ -196,6 +196,7 @@ def draw_outlines(
     scale: float,
     shift: Sequence[float],
     colour: tuple[int, int, int],
+    edges: Sequence[int] | None = None,
 ) -> None:
     """Draw the outline of a mask over an image, light enough to see on dark and on light.
 
@@ -203,17 +204,21 @@ def draw_outlines(
         mask: [height, width] bool
         scale, shift: a point (u, v) of the mask, pixel centres at integer + 0.5, is drawn at
             scale ((u, v) - shift)
+        edges: the frame of the photograph, along which there is no outline
     """
     draw = ImageDraw.Draw(image)
-    outlines = find_contours(np.pad(mask, 1).astype(float), 0.5)
-    lines = [[tuple(p) for p in ((c[:, ::-1] - 0.5) - shift) * scale] for c in outlines]
+    lines = [[tuple(p) for p in (c - shift) * scale] for c in find_outlines(mask, edges)]
     for width, ink in ((3 * FINE, INK), (2 * FINE, colour)):
         for line in lines:
             draw.line(line, fill=ink, width=width, joint="curve")
 
 
 def draw_picture(
-    mesh: trimesh.Trimesh, cameras: Cameras, photographs: Sequence[Path], silhouettes: np.ndarray
+    mesh: trimesh.Trimesh,
+    cameras: Cameras,
+    photographs: Sequence[Path],
+    silhouettes: np.ndarray,
+    frames: Sequence[Sequence[int]] | None = None,
 ) -> Image.Image:
     """Draw a fitted mesh beside two of its photographs.
 
@@ -222,13 +227,15 @@ def draw_picture(
         cameras: of the views to show
         photographs: their working images
         silhouettes: [views, height, width] bool, theirs
+        frames: [views, 4] of the photographs within these; their outlines are closed if not given
     """
     rows = len(cameras)
+    spoken = [None] * rows if frames is None else frames
     width = SIDE + CELLS * CELL + (CELLS + 1) * GAP
     sheet = Image.new("RGB", (width, HEADER + rows * (CELL + GAP)), GROUND)
     _write_header(sheet)
     for i, photograph in enumerate(photographs):
-        cells = draw_view(mesh, camera_of(cameras, i), photograph, silhouettes[i])
+        cells = draw_view(mesh, camera_of(cameras, i), photograph, silhouettes[i], spoken[i])
         y = HEADER + i * (CELL + GAP)
         _write_side(sheet, cameras.views[i], y)
         for j, cell in enumerate(cells):
@@ -237,7 +244,11 @@ def draw_picture(
 
 
 def draw_view(
-    mesh: trimesh.Trimesh, camera: Camera, photograph: Path, silhouette: np.ndarray
+    mesh: trimesh.Trimesh,
+    camera: Camera,
+    photograph: Path,
+    silhouette: np.ndarray,
+    edges: Sequence[int] | None = None,
 ) -> list[Image.Image]:
     """The pictures of one view: photograph, outlines, shaded, coloured, from above with edges."""
     left, top, side = frame(silhouette)
@@ -247,7 +258,7 @@ def draw_view(
     )
     hits = trace(mesh, near)
     outlined = photo.copy()
-    draw_outlines(outlined, silhouette, near.size / side, (left, top), SILHOUETTE)
+    draw_outlines(outlined, silhouette, near.size / side, (left, top), SILHOUETTE, edges)
     draw_outlines(outlined, hits.mask, 1, (0, 0), MESH)
     shaded = shade(mesh, near, hits, smooth=True)
     coloured = paint(mesh, hits)

@@ -64,7 +64,7 @@ def _draw_cell(
     )
     for mask, colour in ((cell.before, BEFORE), (cell.silhouette, SILHOUETTE)):
         if mask is not None:
-            draw_outlines(image, mask, image.width / side, (x, y), colour)
+            draw_outlines(image, mask, image.width / side, (x, y), colour, cell.frame)
     left, top = place
     sheet.paste(image.resize((CELL, CELL), Image.Resampling.BOX), place)
     draw = ImageDraw.Draw(sheet)

@@ -62,8 +62,7 @@ class Scene:
 
         None if it is not noted, as of views that fill their images.
         """
-        frames = self.notes.get("frames")
-        return None if frames is None else np.array([frames[view] for view in self.cameras.views])
+        return find_frames(self.notes, self.cameras.views)
 
     def describe(self) -> dict[str, Any]:
         """All that ``scene.json`` says."""
@@ -74,6 +73,12 @@ class Scene:
             "hull_iou_mean": float(self.coherence.mean()),
             "hull_iou": dict(zip(self.cameras.views, self.coherence.tolist(), strict=True)),
         }
+
+
+def find_frames(notes: Mapping[str, Any], views: Sequence[str]) -> np.ndarray | None:
+    """The frames [views, 4] that ``scene.json`` notes of some views, None if it notes none."""
+    frames = notes.get("frames")
+    return None if frames is None else np.array([frames[view] for view in views])
 
 
 MEASURED = ("centre", "scale", "hull_iou_mean", "hull_iou")  # keys of scene.json beside the notes

@@ -27,7 +27,11 @@ def main(argv: Sequence[str] | None = None) -> None:
         "--output", type=output_file, required=True, help="JSON for the page to write"
     )
     given = args.parse_args(argv)
-    shots = [_read(row, given.scene, given.judged) for row in read_table(given.judged)]
+    frames = read_scene(given.scene)[2].get("frames", {})
+    shots = [
+        _read(row, given.scene, given.judged, frames.get(row["view"]))
+        for row in read_table(given.judged)
+    ]
     with replacing(given.sheet) as part:
         draw_sheet(shots).save(part, optimize=True)
     shown = {shot.view for shot in shots}
@@ -40,15 +44,16 @@ def main(argv: Sequence[str] | None = None) -> None:
         part.write_text(json.dumps(describe_gallery(shots)) + "\n", encoding="utf-8")
 
 
-def _read(row: Mapping[str, str], scene: Path, judged: Path) -> Shot:
+def _read(row: Mapping[str, str], scene: Path, judged: Path, frame: Sequence[int] | None) -> Shot:
     """A view, as its row in the table says: a dropped one's silhouette is as it was found."""
     view, fate, doubt = row["view"], row["fate"], row["doubt"]
     photograph = scene / VIEWS / f"{view}.png"
     (found,) = read_silhouettes(scene / SILHOUETTES, [view])
     if fate == DROPPED:
-        return Shot(view, photograph, found, None, fate, doubt)
+        return Shot(view, photograph, found, None, fate, doubt, frame)
     (fitted,) = read_silhouettes(judged / SILHOUETTES, [view])
-    return Shot(view, photograph, fitted, found if fate == REPAIRED else None, fate, doubt)
+    before = found if fate == REPAIRED else None
+    return Shot(view, photograph, fitted, before, fate, doubt, frame)
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from silmesh.report.animation import draw_turn, write_gif, write_mp4
 from silmesh.report.exhibit import describe_exhibit
 from silmesh.report.pictures import draw_picture, quarter_turn
 from silmesh.report.rings import look_ahead
-from silmesh.scene.scene import SILHOUETTES, VIEWS, read_scene
+from silmesh.scene.scene import SILHOUETTES, VIEWS, find_frames, read_scene
 from silmesh.settings.fit import Fit
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import add_settings, output_file, parser, run
@@ -33,11 +33,12 @@ def main(argv: Sequence[str] | None = None) -> None:
     )
     given = args.parse_args(argv)
     mesh, cameras = read_mesh(given.mesh), read_cameras(given.cameras)
-    similarity = read_scene(given.scene)[1]
+    _, similarity, notes = read_scene(given.scene)
     shown = cameras.select([0, quarter_turn(cameras)])
     photographs = [given.scene / VIEWS / f"{view}.png" for view in shown.views]
     silhouettes = read_silhouettes(given.scene / SILHOUETTES, shown.views)
-    picture = draw_picture(mesh, shown, photographs, silhouettes)
+    frames = find_frames(notes, shown.views)
+    picture = draw_picture(mesh, shown, photographs, silhouettes, frames)
     with replacing(given.output) as part:
         picture.save(part, optimize=True)
 

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-import numpy as np
 import torch
 import trimesh
 
@@ -11,7 +10,7 @@ from silmesh.files import replacing
 from silmesh.geometry.visual_hull import carve
 from silmesh.report.rings import draw_rings
 from silmesh.scene.agreement import find_shown
-from silmesh.scene.scene import SILHOUETTES, read_scene
+from silmesh.scene.scene import SILHOUETTES, find_frames, read_scene
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import output_file, parser, run
 
@@ -29,8 +28,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     cameras, _, scene = read_scene(given.scene)
     silhouettes = read_silhouettes(given.scene / SILHOUETTES, cameras.views)
     shown = find_shown(silhouettes)
-    frames = np.array([scene["frames"][cameras.views[i]] for i in shown])
-    hull = carve(silhouettes[shown], cameras.select(shown), RESOLUTION, frames=frames)
+    seen = cameras.select(shown)
+    hull = carve(silhouettes[shown], seen, RESOLUTION, frames=find_frames(scene, seen.views))
     mesh = trimesh.Trimesh() if hull.empty else trimesh.Trimesh(*hull.surface())
     picture = draw_rings(cameras, mesh, scene["dropped"])
     with replacing(given.output) as part:
