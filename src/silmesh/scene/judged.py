@@ -11,7 +11,7 @@ from silmesh.geometry.robust_hull import robust_carve
 from silmesh.geometry.silhouette_iou import coherence
 from silmesh.progress import Share, untold
 from silmesh.scene.colour_edges import Figures, compare_all, contradict, describe_offset
-from silmesh.scene.policy import DROPPED, KEPT, REPAIRED, WEIGHTS, Decision, decide
+from silmesh.scene.policy import DROPPED, REPAIRED, WEIGHTS, Decision, decide
 from silmesh.scene.resegmentation import repair
 from silmesh.scene.scene import Scene, find_similarity
 
