@@ -7,6 +7,7 @@ import pytest
 import trimesh
 from scenes import dome, silhouettes, turntable
 
+from silmesh.errors import InputError
 from silmesh.fitting.belief import find_belief
 from silmesh.fitting.checkpoint import Checkpoint
 from silmesh.fitting.fit import fit_mesh
@@ -95,6 +96,21 @@ def test_a_fit_that_is_killed_after_another_start_goes_on_there(scene, tmp_path)
     assert left == [2, 3]
     np.testing.assert_array_equal(again.mesh.vertices, whole.mesh.vertices)
     assert again.notes == whole.notes
+
+
+def test_a_second_fit_that_fails_leaves_the_first(scene, monkeypatch):
+    fits = []
+
+    def fit(*given):
+        fits.append(given)
+        if len(fits) == 2:
+            raise InputError("numbers that are not finite")
+        return fit_mesh(*given)
+
+    monkeypatch.setattr("silmesh.fitting.robust_fit.fit_mesh", fit)
+    fitted = fit_robustly(ellipsoid([0.45, 0.02, 0.02]), scene, FEW, "hull")
+    assert fitted.notes["iou_end"] < 0.5
+    assert "in vain: numbers that are not finite" in fitted.notes["warnings"][-1]
 
 
 @pytest.mark.parametrize(("shape", "settings"), [("sphere", FEW), ("", FEW), ("hull", LETTER)])

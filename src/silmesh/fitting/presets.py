@@ -63,11 +63,11 @@ def refuse_result(preset: str, fit: Procedure, steps: int, corrected: Any, views
     if not steps:
         raise InputError(f"{preset}: is done before a step; should take one or more")
     _refuse_mesh(preset, fit)
-    if not isinstance(corrected, Cameras) or len(corrected) != views:
-        count = f" of {len(corrected)} views" * isinstance(corrected, Cameras)
+    count = len(corrected) if isinstance(corrected, Cameras) else None
+    if count != views:
+        gives = type(corrected).__name__ if count is None else f"{count} cameras"
         raise InputError(
-            f"{preset}: its correct gives {type(corrected).__name__}{count}; should give Cameras "
-            f"of all {views} views"
+            f"{preset}: its correct gives {gives}; should give Cameras of all {views} views"
         )
 
 

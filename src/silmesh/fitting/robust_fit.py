@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from silmesh.errors import InputError
 from silmesh.fitting.belief import Belief, find_belief
 from silmesh.fitting.checkpoint import Checkpoint
 from silmesh.fitting.fit import Fitted, fit_mesh, fitted_views
@@ -71,7 +72,10 @@ def fit_robustly(
     other = make_initial_mesh(init, scene.silhouettes, scene.cameras, frames=scene.frames).mesh
     if _is_same(mesh, other):
         return fitted
-    again = fit("other", other, belief)
+    try:
+        again = fit("other", other, belief)
+    except InputError as error:  # numbers that are not finite; the fit before is there
+        return fitted.warning(f"an {FALLBACK} was tried as another start, in vain: {error}")
     other_end = again.notes["iou_end"]
     if other_end > end:
         return again.warning(_describe(other_end, end, restarted=True))
@@ -103,5 +107,5 @@ def _is_same(mesh: trimesh.Trimesh, other: trimesh.Trimesh) -> bool:
 def _describe(end: float, other: float, restarted: bool) -> str:
     """What became of two starts, for a person."""
     if restarted:
-        return f"the fit began again from an {FALLBACK}: IoU {end:.2f} in place of {other:.2f}"
-    return f"an {FALLBACK} was tried as another start: IoU {other:.2f}, no better than {end:.2f}"
+        return f"the fit began again from an {FALLBACK}: IoU {end:.3f} in place of {other:.3f}"
+    return f"an {FALLBACK} was tried as another start: IoU {other:.3f}, no better than {end:.3f}"

@@ -29,7 +29,7 @@ FALLBACK = "ellipsoid"  # the shape that is taken if a hull is empty
 BETTER = 0.01  # IoU by which that must fit better than a hull to take its place
 LOST = 0.001  # share of a carved body's volume in smaller pieces from which to warn
 NOTHING = 1e-9  # volume over the cube of its size of what is no body
-FAR = 20  # radii of the object: a mesh of a person's own should not reach farther
+FAR = 20  # radii of the object: what a person gives as its mesh should not reach farther
 NAMED = 5  # most views that a warning names
 
 
@@ -76,10 +76,13 @@ def make_initial_mesh(
             pixels; the whole images if not given
 
     Raises:
-        InputError: a function of a person's own fails, or gives no closed mesh
+        InputError: a function of a person's own fails, or gives no closed mesh; all silhouettes
+            are empty
     """
     if frames is not None and init.shape != "sphere":  # the report's is placed in the whole image
         silhouettes, cameras, frames = crop(silhouettes, cameras, frames)
+    if not silhouettes.any():
+        raise InputError("no silhouette shows the object: all are empty")
     scores, warnings = {}, []
     shape = init.shape
     if shape == "auto":
@@ -161,9 +164,8 @@ def _make(
     elif own_file(init.shape):
         given = None if counted else init.vertices
         own = silhouettes.copy()  # what it writes into stays its own
-        mesh = _take(init.shape, call(init.shape, own, cameras, given))
-        if init.align != "none":
-            _refuse_far(init.shape, mesh)
+        radius = OBJECT_RADIUS if init.align != "none" else None
+        mesh = take_mesh(init.shape, call(init.shape, own, cameras, given), radius)
     elif init.align == "none":
         mesh = plain_primitive(init.shape, vertices)
     else:
@@ -192,30 +194,39 @@ def _compare_scale(cameras: Cameras, whole: np.ndarray) -> float:
     return max(1.0, float(pixels.median() / pixels[whole].median()))
 
 
-def _take(shape: str, made: Any) -> trimesh.Trimesh:
-    """The mesh that a person's own function gave, if one can be fitted from it."""
+def take_mesh(name: str, made: Any, radius: float | None = None) -> trimesh.Trimesh:
+    """The mesh that a person's own function or code gave, if one can be fitted from it.
+
+    Args:
+        name: of what gave it, for messages
+        radius: of the sphere about the origin that the object lies in; any if not given
+
+    Raises:
+        InputError: it is no closed mesh, or far larger than the object
+    """
     if not isinstance(made, trimesh.Trimesh):
-        raise InputError(f"{shape}: gives {type(made).__name__}; should give a trimesh.Trimesh")
+        raise InputError(f"{name}: gives {type(made).__name__}; should give a trimesh.Trimesh")
     if not np.isfinite(made.vertices).all():
-        raise InputError(f"{shape}: gives a vertex that is not finite")
+        raise InputError(f"{name}: gives a vertex that is not finite")
     if not (len(made.faces) and made.is_watertight):
-        raise InputError(f"{shape}: gives a mesh that is not closed; should be watertight")
+        raise InputError(f"{name}: gives a mesh that is not closed; should be watertight")
     mesh = trimesh.Trimesh(made.vertices, made.faces, process=False)
-    if not abs(mesh.volume) > NOTHING * mesh.scale**3:
-        raise InputError(f"{shape}: gives a mesh without volume; should be a solid body")
-    if mesh.volume < 0:  # the fit would turn it outside out through its own surface
+    far, volume = np.abs(mesh.vertices).max(), _measure_volume(mesh)
+    if radius is not None and far > FAR * radius:
+        raise InputError(
+            f"{name}: gives a mesh that reaches {far:.3g} from the origin; the object lies within "
+            f"{radius:g}"
+        )
+    if abs(volume) <= NOTHING * far**3:
+        raise InputError(f"{name}: gives a mesh without volume; should be a solid body")
+    if volume < 0:  # a fit would turn it outside out through its own surface
         mesh.invert()
     return mesh
 
 
-def _refuse_far(shape: str, mesh: trimesh.Trimesh) -> None:
-    """Refuse a mesh that is far larger than the object, or far from it."""
-    far = np.abs(mesh.vertices).max()
-    if far > FAR * OBJECT_RADIUS:
-        raise InputError(
-            f"{shape}: gives a mesh that reaches {far:.3g} from the origin; the object lies within "
-            f"{OBJECT_RADIUS:g} (init.align: none scales it)"
-        )
+def _measure_volume(mesh: trimesh.Trimesh) -> float:
+    """The signed volume; that of trimesh divides by it."""
+    return float(np.linalg.det(mesh.vertices[mesh.faces]).sum() / 6)
 
 
 def _score(
