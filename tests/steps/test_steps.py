@@ -599,6 +599,29 @@ def test_a_view_counts_in_the_fit_as_much_as_its_weight(results, tmp_path, setti
     assert 0 < far[0] < far[1] < np.abs(plain - without).max()
 
 
+def test_an_empty_silhouette_is_in_nothing_that_is_fitted_or_measured(results, tmp_path):
+    """A policy that keeps views fits the scene as it was found, beside its judging."""
+    shutil.copytree(results / "found", tmp_path / "found")
+    save(tmp_path / "found" / "silhouettes" / "v2.png", np.zeros((SIZE, SIZE, 4), np.uint8))
+    found, judged = {"scene": tmp_path / "found"}, tmp_path / "judged"
+    call(judge, **found, settings={"policy": "keep"}, threads=1, output=judged)
+    made = {"output": tmp_path / "first.ply", "report": tmp_path / "init.json"}
+    call(initial, **found, settings={"shape": "hull", "vertices": 162}, **made)
+    outputs = {"cameras": tmp_path / "c.json", "loss": tmp_path / "l.csv"}
+    outputs |= {"notes": tmp_path / "fit.json"}
+    told = FAST | {"iterations": 3, "holdout": 0}
+    mesh = tmp_path / "m.ply"
+    call(fit, initial=made["output"], **found, settings=told, threads=1, meshes=mesh, **outputs)
+    told = {"initial": made["report"], "settings": told, "results": tmp_path}
+    measured = tmp_path / "metrics.json"
+    call(evaluate, mesh=mesh, scene=judged, **outputs, **told, threads=1, output=measured)
+    left = [f"v{i}" for i in range(COUNT) if i != 2]
+    assert list(read_cameras(outputs["cameras"]).views) == left
+    metrics = json.loads(measured.read_text())
+    assert list(metrics["iou"]) == left
+    assert metrics["iou_min"] > 0.8
+
+
 def test_too_few_views_are_refused(outlier):
     with pytest.raises(InputError, match=r"found: only 7 views are left, and quality\.fewest is 8"):
         call(judge, settings={"policy": "drop", "fewest": 8}, **outlier)

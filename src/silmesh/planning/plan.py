@@ -423,6 +423,35 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
     for key, method in _methods_of(variant).items():
         refuse_lacking(f"{where}: variants.{name}.{key}", method)
     silhouettes = variant.silhouettes or dataset.silhouettes
+    _refuse_unfindable(silhouettes, dataset, name, variant, config, where)
+    if cameras == "turntable" and not dataset.turntable.complete:
+        raise InputError(
+            f"{dataset.where}: cameras are 'turntable' (variant {name!r}), but turntable is empty "
+            "or lacks a number; should be distance,elevation,step, for example 2.732,0,5; "
+            "cameras 'calibrate' finds what is not known"
+        )
+    # The stage decides as well; a name says what it comes to.
+    matching = variant.colmap.pairing_of(len(dataset.images))
+    policy = variant.quality.policy_for(silhouettes)
+    decided = {
+        "colmap": variant.colmap.model_copy(update={"matching": matching}),
+        "quality": variant.quality.model_copy(update={"policy": policy}),
+    }
+    settings = variant.model_copy(update=decided)
+    return Run(dataset, name, settings, silhouettes, cameras, variant.published or name)
+
+
+def _refuse_unfindable(
+    silhouettes: str, dataset: Dataset, name: str, variant: Variant, config: Config, where: str
+) -> None:
+    """Refuse a source of silhouettes that lacks its masks or its network's weights.
+
+    Args:
+        name: of the variant
+
+    Raises:
+        InputError: it is so
+    """
     if silhouettes == "deeplab":
         deeplab, promised = variant.deeplab, config.train is not None
         own = f"variants.{name}." * (deeplab.weights != config.deeplab.weights)
@@ -444,18 +473,3 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
             f"{where}: matting.model (variant {name!r}): {model}: is not there; should be "
             f"{' or '.join(FOREGROUND_MODELS)}, or the path of an ONNX file"
         )
-    if cameras == "turntable" and not dataset.turntable.complete:
-        raise InputError(
-            f"{dataset.where}: cameras are 'turntable' (variant {name!r}), but turntable is empty "
-            "or lacks a number; should be distance,elevation,step, for example 2.732,0,5; "
-            "cameras 'calibrate' finds what is not known"
-        )
-    # The stage decides as well; a name says what it comes to.
-    matching = variant.colmap.pairing_of(len(dataset.images))
-    policy = variant.quality.policy_for(silhouettes)
-    decided = {
-        "colmap": variant.colmap.model_copy(update={"matching": matching}),
-        "quality": variant.quality.model_copy(update={"policy": policy}),
-    }
-    settings = variant.model_copy(update=decided)
-    return Run(dataset, name, settings, silhouettes, cameras, variant.published or name)

@@ -11,7 +11,7 @@ from silmesh.geometry.robust_hull import robust_carve
 from silmesh.geometry.silhouette_iou import coherence
 from silmesh.progress import Share, untold
 from silmesh.scene.colour_edges import Figures, compare_all, contradict, describe_offset
-from silmesh.scene.policy import DROPPED, KEPT, REPAIRED, WEIGHTS, Decision, decide
+from silmesh.scene.policy import DROPPED, REPAIRED, WEIGHTS, Decision, decide
 from silmesh.scene.resegmentation import repair
 from silmesh.scene.scene import Scene, find_similarity
 
@@ -96,10 +96,11 @@ def judge_scene(
 def _measure(scene: Scene, decision: Decision, keep_world: bool, frames: np.ndarray) -> Scene:
     """The views that are left, their world by their silhouettes, and coherence.
 
-    A scene in which nothing changes is left as it is, to the last bit.
+    A scene in which nothing changes is left as it is, to the last bit, but for empty silhouettes.
     """
-    if set(decision.fates) == {KEPT}:
-        return scene
+    lost = [i for i, fate in enumerate(decision.fates) if fate == DROPPED]
+    if REPAIRED not in decision.fates and not scene.silhouettes[lost].any():
+        return scene.without_empty()  # which had no say
     kept = scene.cameras.select(decision.fitted)
     silhouettes, similarity = decision.silhouettes[decision.fitted], scene.similarity
     frames = frames[decision.fitted]

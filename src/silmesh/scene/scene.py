@@ -8,7 +8,7 @@ lenses matter.
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +63,18 @@ class Scene:
         None if it is not noted, as of views that fill their images.
         """
         return find_frames(self.notes, self.cameras.views)
+
+    def without_empty(self) -> "Scene":
+        """The same without the views whose silhouette is empty; the scene itself if none is."""
+        shown = np.flatnonzero(self.silhouettes.any(axis=(1, 2)))
+        if len(shown) == len(self.silhouettes):
+            return self
+        return replace(
+            self,
+            cameras=self.cameras.select(shown.tolist()),
+            silhouettes=self.silhouettes[shown],
+            coherence=self.coherence[shown],
+        )
 
     def describe(self) -> dict[str, Any]:
         """All that ``scene.json`` says."""

@@ -33,7 +33,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     with blaming(given.name):
         fitted = fit_robustly(
             read_mesh(given.initial),
-            load_scene(given.scene),
+            load_scene(given.scene).without_empty(),
             given.settings,
             given.shape,
             lambda record: progress(record.iteration + 1, f"loss {record.loss:.4f}"),

@@ -28,7 +28,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--report", type=output_file, required=True, help="init.json to write")
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)
-    scene = load_scene(given.scene)
+    scene = load_scene(given.scene).without_empty()
     initial = make_initial_mesh(
         given.settings,
         scene.silhouettes,
