@@ -261,9 +261,8 @@ def _read_real(name: str, views: int, size: int) -> Case:
     source = cameras if cameras == "calibrate" else DATA / cameras
     scene = silmesh.find_cameras(shown, found, source)
     names = scene.cameras.views
-    frames = np.array([scene.told["frames"][view] for view in names])
     pictures = np.stack([np.asarray(scene.images[view].convert("RGB")) for view in names])
-    whole = _clean(None, scene.cameras, scene.silhouettes, frames, pictures, None)
+    whole = _clean(None, scene.cameras, scene.silhouettes, scene.frames, pictures, None)
     return whole.select(damage.thin_out(len(names), min(views, len(names))))
 
 

@@ -90,6 +90,78 @@ def test_a_file_that_cannot_be_read_is_refused_before_it_is_run(tmp_path):
         refuse_lacking("init.shape", f"{tmp_path / 'no.py'}:f")
 
 
+FILES = {  # what a file that defines ``ball`` holds, and what is said of it
+    "exits": (b"import sys\ndef f(*given):\n    sys.exit(0)\n", r"own\.py, line 3: SystemExit: 0"),
+    "exits as it is loaded": (b"def f(): pass\nraise SystemExit\n", r"own\.py, line 2: System"),
+    "is no function in the end": (b"def f(): pass\ndel f\n", r"own\.py: AttributeError"),
+    "cannot say what is wrong": (
+        b"class E(Exception):\n    def __str__(self): return 1 / 0\ndef f(*given):\n    raise E\n",
+        r"own\.py, line 4: E$",
+    ),
+    "says it in lines": (b"def f(*given):\n    raise ValueError('a\\nb')\n", r"line 2: a b$"),
+    "yields": (b"def f(*given):\n    yield 1\n", "gives generator; should give a trimesh"),
+    "is of UTF-16": ("def f(): pass\n".encode("utf-16"), r"own\.py: "),
+}
+
+
+@pytest.mark.parametrize(("content", "message"), FILES.values(), ids=FILES)
+def test_a_file_that_is_of_no_use_is_named(tmp_path, scene, content, message):
+    (tmp_path / "own.py").write_bytes(content)
+    with pytest.raises(InputError, match=message):
+        make_initial_mesh(Init(shape=f"{tmp_path / 'own.py'}:f"), *scene)
+
+
+def test_an_interruption_is_a_persons(tmp_path):
+    (tmp_path / "own.py").write_text("def f():\n    raise KeyboardInterrupt\n")
+    with pytest.raises(KeyboardInterrupt):
+        call(f"{tmp_path / 'own.py'}:f")
+
+
+@pytest.mark.parametrize(
+    "prefix", [b"\xef\xbb\xbf", "# -*- coding: latin-1 -*- \xe9\n".encode("latin-1")]
+)
+def test_files_are_read_as_python_reads_them(tmp_path, prefix):
+    (tmp_path / "it's my: own.py").write_bytes(prefix + b"def f(x):\r\n    return x + 1\r\n")
+    assert call(f"{tmp_path}/it's my: own.py:f", 1) == 2
+
+
+BODIES = """\
+import trimesh
+
+def inward(silhouettes, cameras, vertices):
+    silhouettes[:] = False
+    mesh = trimesh.creation.icosphere(subdivisions=2, radius=0.3)
+    mesh.invert()
+    return mesh
+
+def flat(silhouettes, cameras, vertices):
+    mesh = inward(silhouettes, cameras, vertices)
+    mesh.vertices[:, 1] = 0
+    return mesh
+
+def far(silhouettes, cameras, vertices):
+    mesh = inward(silhouettes, cameras, vertices)
+    mesh.vertices *= 1e6
+    return mesh
+"""
+
+
+def test_a_body_is_turned_outside_out_and_silhouettes_stay(scene, code):
+    before = scene[0].copy()
+    first = make_initial_mesh(Init(shape=code(BODIES) + "inward"), *scene)
+    assert first.mesh.volume == pytest.approx(4 / 3 * np.pi * 0.6**3, rel=0.05)
+    np.testing.assert_array_equal(scene[0], before)
+
+
+@pytest.mark.parametrize(
+    ("function", "message"),
+    [("flat", "without volume"), ("far", r"reaches 3e\+05 from the origin")],
+)
+def test_a_mesh_that_is_no_body_of_the_object_is_refused(scene, code, function, message):
+    with pytest.raises(InputError, match=message):
+        make_initial_mesh(Init(shape=code(BODIES) + function), *scene)
+
+
 RED = """\
 def red(photograph):
     return photograph[..., 0] > 100
@@ -253,6 +325,85 @@ def test_a_procedure_of_ones_own_fits(fitted_scene, code):
 def test_a_procedure_that_cannot_be_is_refused(fitted_scene, code, function, options, message):
     with pytest.raises(InputError, match=message):
         fit_ball(fitted_scene, preset=code(PRESET) + function, options=options, iterations=2)
+
+
+WRONG = """\
+import torch
+from silmesh.fitting.softras import SoftRas
+
+class NoLoss(SoftRas):
+    def step(self):
+        return super().step() | {"loss": float("nan")}
+
+class Exits(SoftRas):
+    def step(self):
+        raise SystemExit(0)
+
+class Ended(SoftRas):
+    done = True
+
+class Blind(SoftRas):
+    def correct(self, cameras, fitted):
+        return None
+
+class Fewer(SoftRas):
+    def correct(self, cameras, fitted):
+        return cameras.select(fitted[:2])
+
+class Lost(SoftRas):
+    @property
+    def verts(self):
+        return super().verts / (0 if self._steps else 1)
+
+class Holed(SoftRas):
+    def __init__(self, *given):
+        super().__init__(*given)
+        self.faces = self.faces + 1
+
+class Back(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx, points, size):
+        return points.new_zeros(len(points), *size)
+
+    @staticmethod
+    def backward(ctx, gradient):
+        return gradient[0], None
+
+def shallow(points, faces, size, sigma):
+    return Back.apply(points, size)
+
+def void(points, faces, size, sigma):
+    return Back.apply(points, size) + float("nan")
+"""
+
+
+@pytest.mark.parametrize(
+    ("function", "message"),
+    [
+        ("NoLoss", "a step gives loss nan; should give a finite number"),
+        ("Exits", r"code\.py, line 10: SystemExit: 0"),
+        ("Ended", "is done before a step"),
+        ("Blind", "its correct gives NoneType; should give Cameras of all 6 views"),
+        ("Fewer", "its correct gives 2 cameras; should give Cameras of all 6 views"),
+        ("Lost", "should have finite floats"),
+        ("Holed", "should have one or more, int64, which number vertices from 0 to 161"),
+    ],
+)
+def test_what_a_procedure_ends_with_is_looked_at(fitted_scene, code, function, message):
+    with pytest.raises(InputError, match=message):
+        fit_ball(fitted_scene, preset=code(WRONG) + function, iterations=2)
+
+
+@pytest.mark.parametrize(
+    ("function", "message"),
+    [
+        ("shallow", r"code\.py: at .*, line \d+: RuntimeError"),
+        ("void", "void: gives alpha that is not"),
+    ],
+)
+def test_a_renderer_is_named_where_torch_fails_over_it(fitted_scene, code, function, message):
+    with pytest.raises(InputError, match=message):
+        fit_ball(fitted_scene, renderer=code(WRONG) + function, iterations=2, device="cpu")
 
 
 def test_vertices_that_are_no_points_are_refused(code):

@@ -17,6 +17,7 @@ World   of a scene: normalised, y up, the object in the sphere of radius 0.5 abo
         what a fit gives: the cameras' own. Cameras are OpenCV's (``silmesh.geometry.camera``).
 """
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -30,15 +31,21 @@ from PIL import Image
 
 from silmesh.cameras.attempt import FILE, WORLD_TO_CAMERA, Attempt
 from silmesh.cameras.locate import locate
-from silmesh.errors import InputError
+from silmesh.errors import InputError, name_some
 from silmesh.evaluation import metrics
-from silmesh.fitting.fit import Fitted, fit_mesh
+from silmesh.fitting.fit import Fitted
 from silmesh.fitting.loop import Record
-from silmesh.fitting.restart import fit_or_restart, may_restart
+from silmesh.fitting.robust_fit import fit_robustly
 from silmesh.fitting.trial import trial_with
-from silmesh.geometry.camera import Cameras
+from silmesh.geometry.camera import INITIAL_SCALE, OBJECT_RADIUS, Cameras
 from silmesh.geometry.mesh_files import read_mesh, write_coloured
 from silmesh.geometry.thresholds import CONVINCING
+from silmesh.intake.arguments import (
+    checked,
+    refuse_array,
+    refuse_cameras,
+    refuse_empty_mesh,
+)
 from silmesh.intake.photographs import find_masks, find_photographs, is_video
 from silmesh.intake.sources import choose_cameras, choose_silhouettes, look
 from silmesh.naming import match_masks
@@ -54,7 +61,7 @@ from silmesh.settings.init import Init
 from silmesh.settings.quality import Quality
 from silmesh.settings.silhouettes import FOREGROUND_MODELS, Networks, check_source
 from silmesh.settings.views import Views
-from silmesh.shapes.initial import Initial, make_initial_mesh
+from silmesh.shapes.initial import Initial, make_initial_mesh, take_mesh
 from silmesh.silhouettes import Found
 from silmesh.silhouettes import find_silhouettes as find_each
 from silmesh.silhouettes.mask import refuse_labels
@@ -76,6 +83,7 @@ SOURCES = ("turntable", "calibrate", "colmap", "auto")  # of cameras, beside fil
 OWN = "the cameras given"  # what messages call cameras that come of no file
 WRITTEN = (".glb", ".obj", ".ply", ".stl")  # formats of meshes
 HULL = "hull"  # the initial mesh, unless another is asked for
+UNIT = OBJECT_RADIUS * INITIAL_SCALE  # half the side of meshes at unit size
 
 
 @dataclass(frozen=True)
@@ -132,6 +140,7 @@ class Reconstruction:
     initial: Initial
     scene: Scene
 
+    @checked
     def save(self, path: str | Path) -> None:
         """Write the mesh as the workflow does, ``.glb`` or ``.obj``, or as ``.ply`` or ``.stl``.
 
@@ -144,6 +153,7 @@ class Reconstruction:
         write_coloured([Path(path)], self.mesh, colours)
 
 
+@checked
 def reconstruct(
     photographs: Paths,
     masks: Paths | None = None,
@@ -184,6 +194,7 @@ def reconstruct(
     named = {"views": {"size": size}, "init": {"shape": init}}
     named |= {"fit": {"preset": preset}, "quality": {"policy": quality}}
     sections = _check_sections(settings or {}, named)
+    known = _read_truth(truth)  # before the work
     beside = [path for path in (masks, cameras) if isinstance(path, str | Path)]
     files, notes, video = _find_files(photographs, beside)
     origin = _SilhouetteSource(files, masks, silhouettes)
@@ -207,13 +218,14 @@ def reconstruct(
         colour(fitted, scene),
         fitted.cameras,
         scene.silhouettes,
-        evaluate(fitted, scene, initial, truth),
+        evaluate(fitted, scene, initial, known),
         fitted.records,
         initial,
         scene,
     )
 
 
+@checked
 def read_photographs(
     photographs: Paths,
     *,
@@ -239,6 +251,7 @@ def read_photographs(
     return _read(files, notes, video, {"size": size, "resize": resize}, "", fewest, progress)
 
 
+@checked
 def find_silhouettes(
     photographs: Photographs,
     masks: Paths | None = None,
@@ -262,10 +275,15 @@ def find_silhouettes(
         InputError: a silhouette cannot be found or used
     """
     origin = _SilhouetteSource(photographs.files, masks, source)
+    if settings and origin.source not in Networks.model_fields:
+        raise InputError(
+            f"silhouettes {origin.source!r} take no settings, but {name_some([*settings])} is given"
+        )
     policy, _ = _policy(origin.source, {"policy": policy})
     return _find_silhouettes(photographs, origin, policy, settings, progress)
 
 
+@checked
 def find_cameras(
     photographs: Photographs,
     silhouettes: Silhouettes,
@@ -295,6 +313,9 @@ def find_cameras(
     Raises:
         InputError: there are no cameras, or they contradict the silhouettes; says what was tried
     """
+    views = photographs.views
+    shape = (len(views), *(2 * [views[0].size]))
+    refuse_array("silhouettes", silhouettes.silhouettes, shape, "one of each view")
     tries: Sequence[CameraSource] = (source,) if source is not None else ()
     tries = tries or choose_cameras(look(photographs.files))[0]
     search = _Search(photographs, silhouettes, turntable, calibrate or {}, colmap or {}, progress)
@@ -312,6 +333,7 @@ def find_cameras(
     return made
 
 
+@checked
 def initial_mesh(
     scene: Scene, shape: str = HULL, *, progress: Share = untold, **settings: Any
 ) -> Initial:
@@ -337,6 +359,7 @@ def initial_mesh(
     )
 
 
+@checked
 def fit(
     mesh: trimesh.Trimesh | Initial,
     scene: Scene,
@@ -372,12 +395,12 @@ def fit(
         progress((record.iteration + 1) / chosen.iterations)
         watch(record)
 
-    whole = mesh.mesh if isinstance(mesh, Initial) else mesh
+    whole = mesh.mesh if isinstance(mesh, Initial) else take_mesh("mesh", mesh, UNIT)
     shape = mesh.notes["asked"] if isinstance(mesh, Initial) else ""
-    begin = fit_or_restart if may_restart(shape, chosen) else fit_mesh
-    return begin(whole, scene, chosen, tell)
+    return fit_robustly(whole, scene, chosen, shape, tell)
 
 
+@checked
 def evaluate(
     fitted: Fitted,
     scene: Scene,
@@ -396,7 +419,8 @@ def evaluate(
     Raises:
         InputError: the truth cannot be read
     """
-    known = read_mesh(Path(truth)) if isinstance(truth, str | Path) else truth
+    known = _read_truth(truth)
+    _refuse_other_views(fitted, scene)
     estimated = scene.notes["cameras"] not in ("turntable", FILE)
     return metrics.evaluate(
         fitted.mesh,
@@ -412,8 +436,10 @@ def evaluate(
     )
 
 
+@checked
 def colour(fitted: Fitted, scene: Scene) -> trimesh.Trimesh:
     """The fitted mesh with a colour of each vertex, sRGB, from the photographs that see it."""
+    _refuse_other_views(fitted, scene)
     mesh, cameras = fitted.mesh, fitted.cameras
     colours = colour_vertices(
         mesh.vertices,
@@ -423,6 +449,24 @@ def colour(fitted: Fitted, scene: Scene) -> trimesh.Trimesh:
         scene.silhouettes,
     )
     return trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=colours, process=False)
+
+
+def _read_truth(truth: trimesh.Trimesh | str | Path | None) -> trimesh.Trimesh | None:
+    """The true mesh, of its file if it is one's."""
+    known = read_mesh(Path(truth)) if isinstance(truth, str | Path) else truth
+    if known is not None:
+        refuse_empty_mesh("truth", known)
+    return known
+
+
+def _refuse_other_views(fitted: Fitted, scene: Scene) -> None:
+    """Refuse a scene that a mesh was not fitted to."""
+    own, others = fitted.cameras.views, scene.cameras.views
+    if own != others:
+        raise InputError(
+            f"scene: should have the {len(own)} views that were fitted ({name_some(own)}), not "
+            f"{len(others)} ({name_some(others)})"
+        )
 
 
 class _SilhouetteSource:
@@ -455,6 +499,8 @@ def _find_masks(files: Sequence[Path], masks: Paths | None) -> tuple[list[Path],
     """The mask of each photograph, or none, and what is not used."""
     if masks is None or isinstance(masks, str | Path):
         return find_masks(files, Path(masks) if masks is not None else None)
+    if not masks:
+        raise InputError("masks: none are named; should be a folder, a glob or files")
     found, _ = match_masks(files, [Path(mask) for mask in masks])
     return found, []
 
@@ -466,7 +512,7 @@ def _find_files(
     one = isinstance(photographs, str | Path)
     paths, video = [Path(path) for path in ([photographs] if one else photographs)], None
     for path in paths:
-        if not path.exists():
+        if not os.path.exists(path):  # also of a name that is too long
             raise InputError(f"{path}: is not there; should be a folder, photographs or a video")
     if not paths:
         raise InputError("photographs: none are named; should be a folder, files or a video")
@@ -598,6 +644,7 @@ def _attempt_own(cameras: Cameras, views: Sequence[View]) -> Attempt:
     """Cameras that a person has in memory, as an attempt."""
     from silmesh.cameras.formats.assignment import Rules, match
 
+    refuse_cameras(cameras)
     attempt = match(Path(OWN), cameras, views, Rules(working=True))
     figures = {"file": OWN, "cameras": len(cameras), "written": WORLD_TO_CAMERA}
     return replace(attempt, figures=figures)

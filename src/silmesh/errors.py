@@ -53,7 +53,7 @@ def reading(path: object, what: str) -> Iterator[None]:
         raise InputError(f"{path}: cannot be read as {what}: {explain(error)}") from error
 
 
-def explain(error: Exception) -> str:
+def explain(error: BaseException) -> str:
     """What a library's error says, in a line for a person."""
     if isinstance(error, MemoryError):
         return "it would take more memory than there is"

@@ -13,7 +13,7 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
 
-from silmesh.errors import InputError, explain
+from silmesh.errors import InputError, explain, name_some
 
 SHOULD = "should be path/to/file.py:function"
 
@@ -45,7 +45,7 @@ def refuse_lacking(key: str, name: str) -> None:
     if not file.is_file():
         raise InputError(f"{key}: {file}: is not there; {SHOULD}")
     with _naming_all(file):
-        tree = ast.parse(file.read_text(encoding="utf-8"), str(file))
+        tree = ast.parse(file.read_bytes(), str(file))  # which knows byte order marks and encodings
     kinds = (ast.FunctionDef, ast.ClassDef)
     if function not in {node.name for node in tree.body if isinstance(node, kinds)}:
         raise InputError(f"{key}: {file}: defines no function {function!r}; {SHOULD}")
@@ -81,25 +81,32 @@ def load(name: str) -> Callable[..., Any]:
     with _naming_all(file):
         sys.modules[spec.name] = module  # where dataclasses and pickles look for it
         spec.loader.exec_module(module)
-    return getattr(module, name.rpartition(":")[2])
+        return getattr(module, name.rpartition(":")[2])
 
 
 @contextmanager
 def naming(*names: str) -> Iterator[None]:
     """Make an InputError, with file and line, of what functions of a person's own raise in a block.
 
+    What a library raises over what they gave, and no line of theirs, is said with its own line.
+
     Args:
-        names: of methods; what is raised elsewhere than in the files of these passes as it is
+        names: of methods; if none is a person's own, what is raised passes as it is
     """
     try:
         yield
-    except InputError:  # says what is wrong already
+    except (InputError, KeyboardInterrupt):  # says what is wrong already; is a person's
         raise
-    except Exception as error:  # of whatever kind: it is not our code
-        for file in own_files(*names):
+    except BaseException as error:  # of whatever kind, an exit too: it is not our code
+        files = own_files(*names)
+        for file in files:
             if line := _find_line(error, file):
                 raise InputError(f"{file}, line {line}: {_say(error)}") from error
-        raise
+        if not files or not isinstance(error, Exception):
+            raise
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        where = f"{name_some(files)}: at {last.filename}, line {last.lineno}"
+        raise InputError(f"{where}: {_say(error)}") from error
 
 
 @contextmanager
@@ -107,13 +114,15 @@ def _naming_all(file: Path) -> Iterator[None]:
     """As ``naming``, of a block that does nothing but run this file: of whatever it raises."""
     try:
         yield
-    except Exception as error:
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # an exit too, which would end a step as if it had succeeded
         line = _find_line(error, file)
         where = f"{file}, line {line}" if line else str(file)
         raise InputError(f"{where}: {_say(error)}") from error
 
 
-def _find_line(error: Exception, file: Path) -> int | None:
+def _find_line(error: BaseException, file: Path) -> int | None:
     """The line of a file that an error comes from; None if it comes from elsewhere."""
     if isinstance(error, SyntaxError) and error.filename == str(file):
         return error.lineno
@@ -122,5 +131,8 @@ def _find_line(error: Exception, file: Path) -> int | None:
     return lines[-1] if lines else None
 
 
-def _say(error: Exception) -> str:
-    return error.msg if isinstance(error, SyntaxError) else explain(error)
+def _say(error: BaseException) -> str:
+    try:
+        return error.msg if isinstance(error, SyntaxError) else explain(error)
+    except Exception:  # of a class of a person's own, which fails to say what is wrong
+        return type(error).__name__

@@ -69,3 +69,13 @@ def test_the_worker_makes_a_mesh_of_a_case_and_says_how_good_it_is(clean, tmp_pa
     assert told["named"] == []
     assert told["iou_given"] > 0.95
     assert (tmp_path / "mesh.ply").exists()
+
+
+@pytest.mark.data
+@pytest.mark.usefixtures("data")
+def test_real_objects_come_with_their_frames():
+    case = make_clean("bunny", VIEWS, SIZE, ring=False)
+    assert case.masks.shape == (VIEWS, SIZE, SIZE)
+    for mask, (left, top, right, bottom) in zip(case.masks, case.frames, strict=True):
+        assert mask.sum() == mask[top:bottom, left:right].sum() > 0
+    assert (case.frames[:, 3] - case.frames[:, 1] < SIZE).all()  # they are padded

@@ -5,7 +5,7 @@ import pytest
 from scenes import dome, silhouettes
 from scipy.ndimage import binary_dilation
 
-from silmesh.fitting.belief import find_belief
+from silmesh.fitting.belief import Belief, believe_all, find_belief
 from silmesh.geometry.camera import Similarity
 from silmesh.scene.scene import Scene
 
@@ -18,6 +18,10 @@ def make_scene(spoil=lambda seen: seen, notes=None) -> Scene:
     return Scene(cameras, Similarity.identity(), seen, np.ones(COUNT), notes or {})
 
 
+def judged(scene: Scene) -> Belief:
+    return find_belief(scene, list(range(COUNT)), scene.cameras)
+
+
 def bite(seen: np.ndarray) -> np.ndarray:
     """Without the right fifth of what view 3 shows."""
     columns = np.flatnonzero(seen[3].any(axis=0))
@@ -26,7 +30,7 @@ def bite(seen: np.ndarray) -> np.ndarray:
 
 
 def test_of_silhouettes_that_agree_all_counts():
-    belief = find_belief(make_scene(), list(range(COUNT)), judged=True)
+    belief = judged(make_scene())
     assert belief.views == list(range(COUNT))
     assert (belief.weights == 1).all()
     assert belief.known is None
@@ -39,7 +43,7 @@ def test_a_view_that_the_others_contradict_has_no_weight(fill):
         seen[5] = np.roll(seen[5], SIZE // 4, axis=1) if fill else ~seen[5]
         return seen
 
-    belief = find_belief(make_scene(spoil), list(range(COUNT)), judged=True)
+    belief = judged(make_scene(spoil))
     assert belief.views == [i for i in range(COUNT) if i != 5]
     assert belief.distrusted == ["v5"]
     assert belief.warnings == ["the other views contradict v5: no weight in the fit"]
@@ -47,7 +51,7 @@ def test_a_view_that_the_others_contradict_has_no_weight(fill):
 
 def test_a_bite_does_not_count_and_the_rest_of_its_view_does():
     true = silhouettes(dome(COUNT, SIZE), AXES)
-    belief = find_belief(make_scene(bite), list(range(COUNT)), judged=True)
+    belief = judged(make_scene(bite))
     assert belief.corrected == ["v3"]
     bitten = true[3] & ~bite(true.copy())[3]
     left_out = ~belief.known[3]
@@ -58,6 +62,6 @@ def test_a_bite_does_not_count_and_the_rest_of_its_view_does():
 
 
 def test_all_counts_if_nothing_is_judged():
-    belief = find_belief(make_scene(bite, {"weights": {"v3": 0.5}}), [2, 3, 4], judged=False)
+    belief = believe_all(make_scene(bite, {"weights": {"v3": 0.5}}), [2, 3, 4])
     assert belief.known is None
     assert belief.weights.tolist() == [1, 0.5, 1]

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 from dataclasses import fields
 from pathlib import Path
 
@@ -164,21 +165,28 @@ def test_it_is_written_only_now_and_then(tmp_path):
     assert not path.exists()
 
 
-@pytest.fixture
+@contextmanager
 def full_disk():
-    """No file may grow beyond 100 bytes, as on a disk that is full."""
+    """No file may grow beyond 100 bytes, as on a disk that is full.
+
+    It ends before pytest writes of the test, perhaps into a file.
+    """
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (100, before[1]))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
-def test_a_fit_goes_on_where_the_disk_is_full_and_says_so_once(full_disk, tmp_path, capsys):
+def test_a_fit_goes_on_where_the_disk_is_full_and_says_so_once(tmp_path, capsys):
     path = tmp_path / "checkpoint.pt"
     whole, fit = make("softras"), make("softras")
     expected = outcome(whole, run(whole))
     checkpoint = Checkpoint(path, ["one"], every=0)
-    assert outcome(fit, run(fit, checkpoint=checkpoint)) == expected
+    with full_disk():
+        records = run(fit, checkpoint=checkpoint)
+    assert outcome(fit, records) == expected
     assert list(tmp_path.iterdir()) == []
     said = capsys.readouterr().err
     assert said.startswith(f"{path}: File too large; the fit goes on, and begins anew")

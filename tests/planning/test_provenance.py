@@ -1,14 +1,19 @@
 """The digest changes with the code that a step runs, and with nothing else."""
 
+import ast
 import os
 import shutil
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 from silmesh.planning.provenance import SMALL, SOURCE, code_digest
+from silmesh.settings.fit import AUTO, FITS, RENDERERS
+from silmesh.settings.section import Section
+from silmesh.silhouettes import NETWORKS
 
 STEP = '''\
 """A step."""
@@ -120,6 +125,47 @@ def test_fields_of_settings_do_not_count(digest):
     assert digest(step | {"settings/views.py": text.replace("= 1", "= 3")}) == before
     assert digest(step | {"settings/views.py": text.replace("/ 2", "/ 3")}) != before
     assert digest(step | {"views.py": text, "settings/views.py": text}) == before
+
+
+def test_what_is_loaded_by_its_name_is_known():
+    """A rule has to name it to the digest, which reads imports; see ``workflow/rules/common.smk``.
+
+    No step's code reaches the command; the Python API is nobody's import, and the process that
+    forks steps loads libraries that are not ours.
+    """
+    files = {file.relative_to(SOURCE / "silmesh") for file in (SOURCE / "silmesh").rglob("*.py")}
+    loading = {str(f) for f in files if "import_module(" in (SOURCE / "silmesh" / f).read_text()}
+    named = {"fitting/presets.py", "fitting/renderers.py", "silhouettes/__init__.py"}
+    assert loading == named | {"__init__.py", "cli/main.py", "steps/fork_server.py"}
+    modules = [f"fitting.{preset}" for preset in FITS]
+    modules += [f"softras.{name}" for name in RENDERERS if name != AUTO]
+    modules += [f"silhouettes.{network}" for network in NETWORKS]
+    assert all(code_digest(f"silmesh.{module}") for module in modules)
+
+
+def test_steps_are_told_their_settings():
+    """No digest sees a field's default, so what makes settings of its own gives every value."""
+    for file in (SOURCE / "silmesh").rglob("*.py"):
+        if file.parent.name in {"settings", "planning", "cli"} or file.stem == "api":
+            continue  # these tell the steps
+        tree = ast.parse(file.read_text())
+        models = find_models(tree)
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", None) in models:
+                given = {keyword.arg for keyword in node.keywords}
+                assert given == set(models[node.func.id].model_fields), (file, node.lineno)
+
+
+def find_models(tree: ast.Module) -> dict[str, type[Section]]:
+    """The models of settings that a module imports."""
+    found = {}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("silmesh.settings"):
+            for alias in node.names:
+                one = getattr(import_module(node.module), alias.name)
+                if isinstance(one, type) and issubclass(one, Section):
+                    found[alias.name] = one
+    return found
 
 
 def test_a_cycle_of_imports_ends(digest):

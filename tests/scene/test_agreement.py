@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from scenes import silhouettes, turntable
+from scenes import dome, silhouettes, turntable
 
 from silmesh.cameras.attempt import Attempt
 from silmesh.errors import InputError
@@ -68,6 +68,38 @@ def test_views_that_most_others_contradict_have_no_say_about_cameras():
     attempt = refuse_incoherent(Attempt("colmap", cameras), seen)
     assert attempt.cameras is not None
     assert attempt.figures["contradicted"] == [cameras.views[i] for i in wrong]
+
+
+def bite(silhouette):
+    """Without the fifth of its pixels that is nearest to its leftmost one."""
+    bitten, pixels = silhouette.copy(), np.argwhere(silhouette)
+    first = pixels[pixels[:, 1].argmin()]
+    nearest = ((pixels - first) ** 2).sum(axis=1).argsort()[: len(pixels) // 5]
+    bitten[tuple(pixels[nearest].T)] = False
+    return bitten
+
+
+def test_bites_do_not_sink_the_cameras():
+    cameras = dome(24, SIZE)
+    seen = silhouettes(cameras, [0.45, 0.3, 0.25], CENTRE)
+    wrong, bitten = [1, 4, 9, 12, 18, 22], seen.copy()
+    bitten[wrong] = [bite(seen[i]) for i in wrong]
+    found = normalise(cameras, bitten)
+    assert found.contradicted == ()
+    assert found.coherence[wrong].max() < 0.85  # of each a fifth is lacking, and still counts
+    assert np.delete(found.coherence, wrong).min() > 0.95
+    assert np.flatnonzero(found.disbelieved > 0.12).tolist() == wrong
+    assert found.similarity.scale == pytest.approx(normalise(cameras, seen).similarity.scale, 0.02)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_wrong_cameras_are_not_made_coherent_by_leaving_views_out(seed):
+    cameras = dome(24, SIZE)
+    seen = silhouettes(cameras, [0.5, 0.12, 0.2], [0.1, 0.1, 0])
+    order = np.random.default_rng(seed).permutation(24)
+    attempt = refuse_incoherent(Attempt("colmap", cameras.select(order)), seen)
+    assert attempt.cameras is None
+    assert "the silhouettes contradict these" in attempt.refusal
 
 
 def test_one_silhouette_alone_places_nothing(ring):

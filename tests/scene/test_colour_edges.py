@@ -4,7 +4,7 @@ from PIL import Image
 from scenes import blotches
 from scipy import ndimage
 
-from silmesh.scene.colour_edges import compare, compare_all, contradict
+from silmesh.scene.colour_edges import compare, compare_all, contradict, describe_offset
 
 ROWS, COLUMNS = np.indices((96, 128)) + 0.5
 SHAPE = ((COLUMNS - 60) / 28) ** 2 + ((ROWS - 50) / 20) ** 2 < 1
@@ -24,8 +24,21 @@ def photograph(ground, colour=(150, 90, 60)):
 @pytest.mark.parametrize("ground", [PLAIN, 0 * PLAIN, CLUTTER])
 def test_a_true_silhouette_lies_on_its_edges(ground):
     figures = compare(photograph(ground), SHAPE, FRAME)
-    assert min(figures.values()) > 0.95
+    assert min(figures["edges"], figures["in_place"]) > 0.95
+    assert abs(figures["offset"]) <= 1
     assert not contradict(figures)
+    assert describe_offset([figures]) == []
+
+
+@pytest.mark.parametrize("ground", [PLAIN, 0 * PLAIN, CLUTTER])
+@pytest.mark.parametrize(("pixels", "side"), [(3, "outside"), (-3, "inside"), (4, "outside")])
+def test_outlines_that_all_lie_beside_the_edges_are_told(ground, pixels, side):
+    change = ndimage.binary_dilation if pixels > 0 else ndimage.binary_erosion
+    shape = change(SHAPE, iterations=abs(pixels))
+    figures = compare(photograph(ground), shape, FRAME)
+    assert figures["offset"] == pytest.approx(pixels, abs=1)
+    (said,) = describe_offset([figures, figures, compare(photograph(ground), SHAPE, FRAME)])
+    assert f"pixels {side} the edges" in said
 
 
 @pytest.mark.parametrize("ground", [PLAIN, 0 * PLAIN, CLUTTER])
@@ -67,5 +80,7 @@ def test_a_cut_out_photograph_says_nothing():
 def test_large_images_are_looked_at_in_steps():
     large = [np.kron(a, np.ones((3, 3, 1)[: a.ndim], a.dtype)) for a in (photograph(PLAIN), SHAPE)]
     frame = [3 * side for side in FRAME]
-    assert min(compare(*large, frame).values()) > 0.95
+    figures = compare(*large, frame)
+    assert min(figures["edges"], figures["in_place"]) > 0.95
+    assert abs(figures["offset"]) <= 2
     assert contradict(compare(large[0], np.roll(large[1], 24, 0), frame))

@@ -24,9 +24,10 @@ def decided(scene, policy, fewest=3, segment=None):
     return decide(policy, fewest, scene[1], scene[2], segment)
 
 
-def test_kept_views_stay_as_they_are(scene):
+def test_kept_views_stay_as_they_are_but_for_empty_ones(scene):
     decision = decided(scene, "keep")
-    assert decision.fates == ["kept"] * COUNT
+    assert decision.fates[9] == "kept"
+    assert decision.fitted == [i for i in range(COUNT) if i != 2]  # in 2 is nothing to fit
     assert decision.verdict.outliers == BAD
     np.testing.assert_array_equal(decision.silhouettes, scene[1])
 

@@ -110,6 +110,24 @@ def test_an_unusable_silhouette_is_empty_if_it_may_be_spared(tmp_path):
     assert found.any(axis=(1, 2)).tolist() == [True, False, True]
 
 
+def test_a_few_of_many_that_are_empty_or_full_do_not_refuse_the_rest(tmp_path):
+    views = photographs(tmp_path, *np.zeros((9, 48, 64, 3), np.uint8))
+    shapes = [BLOCK] * 6 + [np.zeros_like(BLOCK), np.ones_like(BLOCK), ~BLOCK]
+    masks = [
+        save(tmp_path / "mask" / f"{n}.png", m) for n, m in zip("abcdefghi", shapes, strict=True)
+    ]
+    given = ("mask", views, tmp_path / "views", masks, tmp_path / "out")
+    wrong = write_silhouettes(*given)
+    said = zip(wrong, ("'g'", "'h'", "'i'"), ("empty", "fills", "inverted"), strict=True)
+    assert all(view in line and what in line for line, view, what in said)
+    found = read_silhouettes(tmp_path / "out", list("abcdefghi"))
+    assert found.any(axis=(1, 2)).tolist() == [True] * 6 + [False] * 3
+    assert list(read_lost(tmp_path / "out")) == ["h", "i"]  # that g is empty its file says
+    save(masks[0], np.zeros_like(BLOCK))  # five are left
+    with pytest.raises(InputError, match=r"4 of 9 silhouettes cannot be used\. The last: .*'i'"):
+        write_silhouettes(*given)
+
+
 def test_what_cannot_be_read_loses_its_view_alone(tmp_path):
     paths = [save(tmp_path / f"{n}.png", np.zeros((48, 64, 3), np.uint8)) for n in "abcd"]
     masks = [save(tmp_path / f"mask/{n}.png", BLOCK) for n in "abcd"]

@@ -4,21 +4,18 @@ The visual hull of the others judges each view (``silmesh.geometry.robust_hull``
 all silhouettes explains them, which is the rule, every view and pixel counts as it is.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from torch import Tensor
 
 from silmesh.errors import name_some
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.frame import known_pixels
-from silmesh.geometry.overlap import iou
 from silmesh.geometry.robust_hull import robust_carve
+from silmesh.geometry.silhouette_iou import SHARP, known_iou
 from silmesh.scene.scene import Scene
-from silmesh.softras.batches import render_views
-
-SHARP = 1e-6  # sigma of a rendering whose alpha is thresholded
 
 
 @dataclass(frozen=True)
@@ -36,8 +33,13 @@ class Belief:
     views: list[int]
     weights: np.ndarray
     known: np.ndarray | None
-    distrusted: list[str]
-    corrected: list[str]
+    distrusted: Sequence[str] = ()
+    corrected: Sequence[str] = ()
+
+    @property
+    def contested(self) -> int:
+        """How many views do not count as they are."""
+        return len(self.distrusted) + len(self.corrected)
 
     @property
     def warnings(self) -> list[str]:
@@ -61,36 +63,41 @@ class Belief:
             faces: [faces, 3] int64
             cameras: of all views of the scene
         """
-        silhouettes = scene.silhouettes[self.views]
-        points = cameras.select(self.views).project(verts)
-        alphas = render_views(points, faces, silhouettes.shape[1:], SHARP)
-        shown = torch.stack(list(alphas)).numpy() > 0.5
-        return float(np.average(iou(shown, silhouettes, self.known), weights=self.weights))
+        seen, silhouettes = cameras.select(self.views), scene.silhouettes[self.views]
+        values = known_iou(verts, faces, seen, silhouettes, SHARP, self.known)
+        return float(np.average(values, weights=self.weights))
 
 
-def find_belief(scene: Scene, views: list[int], judged: bool) -> Belief:
-    """What counts of these views of a scene.
+def believe_all(scene: Scene, views: list[int]) -> Belief:
+    """Everything that these views of a scene show.
 
     Args:
         views: their positions, of those that the scene gives weight
-        judged: whether views and pixels that the others contradict lose their say
     """
-    cameras, silhouettes = scene.cameras.select(views), scene.silhouettes[views]
-    frames = None if scene.frames is None else scene.frames[views]
-    known = known_pixels(silhouettes, frames)
     given = scene.notes.get("weights", {})
-    weights = np.array([given.get(view, 1.0) for view in cameras.views])
-    if not judged:
-        return Belief(views, weights, known, [], [])
-    hull = robust_carve(silhouettes, cameras, frames)
+    weights = np.array([given.get(scene.cameras.views[i], 1.0) for i in views])
+    return Belief(views, weights, known_pixels(scene.silhouettes[views], _frames(scene, views)))
+
+
+def find_belief(scene: Scene, views: list[int], cameras: Cameras) -> Belief:
+    """What these views of a scene show and the others do not contradict.
+
+    Args:
+        views: as ``believe_all`` takes them
+        cameras: of all views, in the normalised world, by which they are judged
+    """
+    plain, cameras = believe_all(scene, views), cameras.select(views)
+    hull = robust_carve(scene.silhouettes[views], cameras, _frames(scene, views))
     if not (hull.distrusted or hull.corrected):
-        return Belief(views, weights, known, [], [])
-    kept = np.flatnonzero(hull.reliability > 0)
-    believed = ~hull.disbelieved if known is None else known & ~hull.disbelieved
+        return plain
     return Belief(
-        [views[i] for i in kept],
-        weights[kept],
-        believed[kept],
+        [views[i] for i in hull.trusted],
+        plain.weights[hull.trusted],
+        hull.count(plain.known),
         [cameras.views[i] for i in hull.distrusted],
         [cameras.views[i] for i in hull.corrected],
     )
+
+
+def _frames(scene: Scene, views: list[int]) -> np.ndarray | None:
+    return None if scene.frames is None else scene.frames[views]

@@ -10,11 +10,11 @@ import trimesh
 from torch import Tensor
 
 from silmesh.errors import InputError
-from silmesh.fitting.belief import find_belief
+from silmesh.fitting.belief import Belief, believe_all
 from silmesh.fitting.checkpoint import Checkpoint
 from silmesh.fitting.loop import Record
 from silmesh.fitting.loop import run as run_fit
-from silmesh.fitting.presets import find_procedure
+from silmesh.fitting.presets import find_procedure, refuse_result
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.mesh_files import to_tensors
 from silmesh.own_code import naming, own_file
@@ -53,6 +53,7 @@ def fit_mesh(
     settings: Fit,
     watch: Callable[[Record], None] = lambda record: None,
     go_on: Callable[[Sequence[Any]], Checkpoint] | None = None,
+    belief: Belief | None = None,
 ) -> Fitted:
     """Fit a mesh to the silhouettes of a scene.
 
@@ -62,16 +63,14 @@ def fit_mesh(
         settings: of the preset, whose procedure fits; which views are kept out; the device
         watch: is told of each step
         go_on: makes the checkpoint to resume from and to write, from all that the fit depends on
+        belief: what counts of the views; everything if not given
 
     Raises:
         InputError: the mesh does not suit the procedure, there is no such device, or the fit
             meets numbers that are not finite again and again
     """
     cameras = scene.cameras
-    counts = [scene.notes.get("weights", {}).get(view, 1.0) for view in cameras.views]
-    out = held_out(len(cameras), settings.holdout)
-    shown = [i for i, count in enumerate(counts) if count and i not in out]
-    belief = find_belief(scene, shown, getattr(settings, "judge_views", False))
+    belief = belief or believe_all(scene, fitted_views(scene, settings))
     kept, known = belief.views, belief.known
     device = _choose_device(settings)
     template, faces = (part.to(device) for part in to_tensors(mesh))
@@ -86,16 +85,24 @@ def fit_mesh(
         start = fit.verts.clone(), fit.faces
         records = run_fit(fit, watch, checkpoint)
         corrected = fit.correct(cameras, kept)
+        refuse_result(settings.preset, fit, len(records), corrected, len(cameras))
         notes = {
             "iou_start": belief.measure(*(part.cpu() for part in start), cameras, scene),
             "iou_end": belief.measure(fit.verts.cpu(), fit.faces.cpu(), corrected, scene),
-            "distrusted": belief.distrusted,
-            "corrected": belief.corrected,
+            "distrusted": list(belief.distrusted),
+            "corrected": list(belief.corrected),
             "warnings": belief.warnings,
         }
         back = scene.similarity.inverse
         fitted = to_mesh(back.apply(fit.verts.double()), fit.faces)
     return Fitted(fitted, corrected.in_world_of(back), records, settings, notes)
+
+
+def fitted_views(scene: Scene, settings: Fit) -> list[int]:
+    """The positions of the views that have weight and are not kept out."""
+    given, out = scene.notes.get("weights", {}), held_out(len(scene.cameras), settings.holdout)
+    views = enumerate(scene.cameras.views)
+    return [i for i, view in views if given.get(view, 1.0) and i not in out]
 
 
 def to_mesh(verts: Tensor, faces: Tensor) -> trimesh.Trimesh:

@@ -5,11 +5,12 @@ import time
 from collections.abc import Callable
 from dataclasses import astuple, dataclass, fields
 from functools import partial
+from numbers import Real
 from typing import Protocol
 
 from torch import Tensor
 
-from silmesh.errors import InputError
+from silmesh.errors import InputError, shorten
 from silmesh.fitting.checkpoint import Checkpoint
 from silmesh.geometry.camera import Cameras
 
@@ -102,13 +103,19 @@ def run(
 
 
 def _refuse_other(losses: dict[str, float]) -> None:
-    """Refuse losses under other names, as a procedure of a person's own may give."""
+    """Refuse other losses than a record has, as a procedure of a person's own may give."""
     if not isinstance(losses, dict) or losses.keys() != LOSSES:
         gives = ", ".join(losses) if isinstance(losses, dict) else type(losses).__name__
         raise InputError(
             f"fit.preset: a step gives {gives or 'nothing'}; should give "
             f"{', '.join(sorted(LOSSES))}"
         )
+    for name, loss in losses.items():
+        if not isinstance(loss, Real) or not math.isfinite(loss):
+            raise InputError(
+                f"fit.preset: a step gives {name} {shorten(loss)}; should give a finite number, or "
+                "raise silmesh.fitting.loop.NotFinite"
+            )
 
 
 def _go_on(fit: Procedure, checkpoint: Checkpoint | None) -> list[Record]:

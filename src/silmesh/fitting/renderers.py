@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from silmesh.errors import InputError
+from silmesh.fitting.loop import NotFinite
 from silmesh.own_code import ask, load, own_file
 from silmesh.settings.fit import AUTO
 from silmesh.softras import check_arguments, soft_silhouettes
@@ -29,6 +30,7 @@ def find_renderer(name: str) -> Renderer:
     Raises:
         InputError: there is no such function of a person's own, or, as it renders, it fails or
             gives something else
+        NotFinite: as it renders, a person's own function gives alpha that is not finite
     """
     if name == AUTO:
         return soft_silhouettes
@@ -43,6 +45,8 @@ def find_renderer(name: str) -> Renderer:
             return render(points, faces, size, float(sigma))
         alpha = ask(name, own, points, faces, size, float(sigma))
         _refuse_other(name, alpha, points, size)
+        if not alpha.isfinite().all():
+            raise NotFinite(f"{name}: gives alpha that is not finite")
         return alpha
 
     return checked

@@ -12,7 +12,8 @@ view is judged by the hull of the others, in two steps on a grid of points and i
    others' silhouettes lose more pixels by it than it is large.
 
 The hull is then carved exactly, as ever, from the views that kept their say, with their bites
-filled. Where the strict hull explains the silhouettes nothing of this is done.
+filled. Where the strict hull explains the silhouettes nothing of this is done, and nothing comes of
+it where most views would be doubted.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,6 +29,7 @@ from skimage.measure import block_reduce
 
 from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
 from silmesh.geometry.frame import bound_object, is_cut, whole_frames
+from silmesh.geometry.small_images import shrink
 from silmesh.geometry.visual_hull import Hull, carve
 
 RESOLUTION = 128  # samples a side of the hull that is carved
@@ -35,13 +37,17 @@ SIZE = 96  # pixels along the longer side of the images in which views are judge
 GLANCE = 64  # and of those in which the strict hull is looked at
 COARSE, SAMPLES = 48, 72  # points a side: of the search for the object's box, and of the judging
 ENOUGH = 6  # views; of fewer none can be told from the others
-UNCOVERED = 0.02  # of a silhouette's pixels: so many the strict hull may leave uncovered anyway
-UNUSUAL = 3  # and so many times as many as it does in the median view, as cameras that are a
-MOST_UNCOVERED = 0.05  # little wrong do; but never more than these
+# The strict hull explains silhouettes of each of which it leaves at most the share UNCOVERED of the
+# pixels uncovered. Cameras that are a little wrong uncover some pixels of all; so it may be UNUSUAL
+# times the share of the median view, but never more than MOST_UNCOVERED.
+UNCOVERED, UNUSUAL, MOST_UNCOVERED = 0.02, 3, 0.05
 SCATTERED = 0.05  # of the strict hull's volume: more than may lie in all pieces but the largest
 ROUNDS = 4  # in which views lose their say or get it back
 WORSE = 0.12  # by how much less than the median a view is predicted that loses its say
 SPREAD = 5  # and by how many median deviations
+# If more of the views than these are doubted, as a whole or in part, the cameras are wrong rather
+# than some silhouettes, and no silhouette is corrected by them.
+MOST_DOUBTED = 0.8
 BITE = 4  # pixels of a small image: smaller bites are not told from the grid
 LOST = 0.25  # of what a view and the others show: if they disagree on more, it has no weight
 AROUND = np.ones((3, 3), bool)
@@ -66,6 +72,11 @@ class RobustHull:
     disbelieved: np.ndarray
 
     @property
+    def trusted(self) -> list[int]:
+        """The positions of the views with weight."""
+        return np.flatnonzero(self.reliability > 0).tolist()
+
+    @property
     def distrusted(self) -> list[int]:
         """The positions of the views without weight."""
         return np.flatnonzero(self.reliability == 0).tolist()
@@ -84,9 +95,17 @@ class RobustHull:
     ) -> tuple[np.ndarray, Cameras, np.ndarray]:
         """The views that have weight, with what they deny wrongly filled; cameras and frames."""
         frames = whole_frames(silhouettes) if frames is None else np.asarray(frames)
-        kept = np.flatnonzero(self.reliability > 0)
-        filled = (silhouettes | self.disbelieved)[kept]
-        return filled, cameras.select(kept.tolist()), frames[kept]
+        kept = self.trusted
+        return (silhouettes | self.disbelieved)[kept], cameras.select(kept), frames[kept]
+
+    def count(self, known: np.ndarray | None) -> np.ndarray:
+        """The pixels that count of the views that have weight: [views with weight, height, width].
+
+        Args:
+            known: [views, height, width] bool, of which pixels the views say anything; None of all
+        """
+        believed = ~self.disbelieved if known is None else known & ~self.disbelieved
+        return believed[self.trusted]
 
 
 class _Looks(NamedTuple):
@@ -134,7 +153,9 @@ def robust_carve(
     bites, trusted = _find_bites(looks, trusted, tolerated)
     if 2 * trusted.sum() <= looks.shown.any(axis=1).sum():  # nothing can be told of any
         return strict
-    return _carve_believed(silhouettes, cameras, frames, resolution, looks, bites, trusted)
+    found = _carve_believed(silhouettes, cameras, frames, resolution, looks, bites, trusted)
+    doubted = len(found.distrusted) + len(found.corrected)
+    return strict if doubted > MOST_DOUBTED * len(cameras) else found
 
 
 def explains(hull: Hull, silhouettes: np.ndarray, cameras: Cameras) -> bool:
@@ -160,13 +181,24 @@ def find_uncovered(hull: Hull, silhouettes: np.ndarray, cameras: Cameras) -> np.
     Returns:
         [views]
     """
-    small, eyes = _shrink(silhouettes, cameras, GLANCE)
+    small, covered = _see(hull, silhouettes, cameras, GLANCE)
+    area = small.sum(axis=(1, 2))
+    left = (small & ~covered).sum(axis=(1, 2)) / np.maximum(area, 1)
+    return np.where(area > 0, left, 1.0)
+
+
+def _see(
+    hull: Hull, silhouettes: np.ndarray, cameras: Cameras, size: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """The silhouettes in small images, and which of their pixels show a hull.
+
+    Returns:
+        twice [views, small height, small width] bool
+    """
+    small, eyes = shrink(silhouettes, cameras, size)
     points = hull.origin + (2 * np.argwhere(_solid(hull)) + 0.5) * hull.spacing
     pixel = _project(eyes.projections.numpy(), points, small.shape[1], small.shape[2])
-    covered = _cover(pixel, small[0].size)
-    shown = small.reshape(len(small), -1)
-    left = (shown & ~covered).sum(axis=1) / np.maximum(shown.sum(axis=1), 1)
-    return np.where(shown.any(axis=1), left, 1.0)
+    return small, _cover(pixel, small[0].size).reshape(small.shape)
 
 
 def _scattered(hull: Hull) -> float:
@@ -181,23 +213,9 @@ def _solid(hull: Hull) -> np.ndarray:
     return block_reduce(hull.field > 0, (2, 2, 2), np.max)
 
 
-def _shrink(
-    silhouettes: np.ndarray, cameras: Cameras, size: int = SIZE
-) -> tuple[np.ndarray, Cameras]:
-    """The silhouettes in images of at most so many pixels, and the cameras of these."""
-    count, height, width = silhouettes.shape
-    scale = min(1.0, size / max(height, width))
-    shape = (max(1, round(scale * height)), max(1, round(scale * width)))
-    images = torch.from_numpy(silhouettes.astype(np.float32)).unsqueeze(1)
-    small = torch.nn.functional.interpolate(images, shape, mode="area").squeeze(1)
-    to_small = torch.diag(torch.tensor([shape[1] / width, shape[0] / height, 1.0])).double()
-    sizes = torch.tensor([[shape[1], shape[0]]]).expand(count, 2)
-    return (small > 0.5).numpy(), cameras.in_pixels_of(to_small.expand(count, 3, 3), sizes)
-
-
 def _look(silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray) -> _Looks:
     """The points that at least half of the views may see, in the small images."""
-    small, eyes = _shrink(silhouettes, cameras)
+    small, eyes = shrink(silhouettes, cameras, SIZE)
     scale = small.shape[2] / silhouettes.shape[2]
     cut = is_cut(silhouettes, frames)
     denied = ~ndimage.binary_dilation(small, AROUND[None])
@@ -280,12 +298,19 @@ def _find_bites(
     most = max(2 * tolerated, int(trusted.sum()) // 4, 2)
     looks = looks._replace(pixel=looks.pixel[_count(looks.pixel, looks.denied, trusted) <= most])
     for bearing in (*sorted({tolerated, tolerated // 2, 1} - {0}, reverse=True), 0, 0):
-        denied = looks.denied.copy()
-        denied[:, :-1] &= ~bites
-        against = _count(looks.pixel, denied, trusted)
+        denied, against = _count_believed(looks, bites, trusted)
         bites = _blame(looks, denied, against, trusted, bearing)
         trusted = looks.shown.any(axis=1) & (_measure(looks, bites, trusted, bearing) >= 1 - LOST)
     return bites, trusted
+
+
+def _count_believed(
+    looks: _Looks, bites: np.ndarray, trusted: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """What views deny rightly, [views, pixels + 1], and how many trusted ones do so: [points]."""
+    denied = looks.denied.copy()
+    denied[:, :-1] &= ~bites
+    return denied, _count(looks.pixel, denied, trusted)
 
 
 def _share(work: Callable[[int], Any], views: int) -> list[Any]:
@@ -332,9 +357,7 @@ def _measure(looks: _Looks, bites: np.ndarray, trusted: np.ndarray, bearing: int
     What a view alone cuts off, and nobody misses, is no disagreement. Disagreement outside of its
     largest part counts twice: a bite or a blob is one part, another object differs all around.
     """
-    denied = looks.denied.copy()
-    denied[:, :-1] &= ~bites
-    against = _count(looks.pixel, denied, trusted)
+    denied, against = _count_believed(looks, bites, trusted)
 
     def agree(view: int) -> float:
         least = _fewest(looks.pixel, against, denied, view, trusted[view], bearing + 1)
@@ -361,10 +384,7 @@ def _carve_believed(
     bitten = _enlarge(bites.reshape(-1, *looks.shape), silhouettes.shape) & ~silhouettes
     eyes = cameras.select(kept.tolist())
     hull = carve((silhouettes | bitten)[kept], eyes, resolution, frames=frames[kept])
-    small, eyes = _shrink(silhouettes, cameras)
-    points = hull.origin + (2 * np.argwhere(_solid(hull)) + 0.5) * hull.spacing
-    pixel = _project(eyes.projections.numpy(), points, *looks.shape)
-    covered = _cover(pixel, looks.shown.shape[1]).reshape(small.shape)
+    small, covered = _see(hull, silhouettes, cameras, SIZE)
     added = small & ~ndimage.binary_dilation(covered, AROUND[None])
     disbelieved = bitten | (_enlarge(added, silhouettes.shape) & silhouettes)
     disbelieved[~trusted] = True

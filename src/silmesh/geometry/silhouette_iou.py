@@ -12,6 +12,8 @@ from silmesh.geometry.overlap import iou
 from silmesh.geometry.visual_hull import Hull
 from silmesh.softras.batches import render_views
 
+SHARP = 1e-6  # sigma of a rendering that is almost a mask
+
 
 def silhouette_iou(
     verts: Tensor,
@@ -34,8 +36,23 @@ def silhouette_iou(
     Returns:
         [views]
     """
-    alphas = render_views(cameras.project(verts), faces, silhouettes.shape[1:], sigma)
     known = known_pixels(silhouettes, frames)
+    return known_iou(verts, faces, cameras, silhouettes, sigma, known)
+
+
+def known_iou(
+    verts: Tensor,
+    faces: Tensor,
+    cameras: Cameras,
+    silhouettes: np.ndarray,
+    sigma: float,
+    known: np.ndarray | None,
+) -> np.ndarray:
+    """``silhouette_iou`` by the pixels ``known`` alone, [views, height, width] bool; None for all.
+
+    The other arguments and the result are the same.
+    """
+    alphas = render_views(cameras.project(verts), faces, silhouettes.shape[1:], sigma)
     parts = [None] * len(silhouettes) if known is None else known
     rows = zip(alphas, silhouettes, parts, strict=True)
     return np.array([iou((a > 0.5).numpy(), silhouette, part) for a, silhouette, part in rows])
@@ -60,6 +77,6 @@ def coherence(
         torch.as_tensor(faces.astype(np.int64)),
         cameras,
         silhouettes,
-        1e-6,
+        SHARP,
         frames,
     )

@@ -9,17 +9,18 @@ import numpy as np
 from silmesh.cameras.attempt import TRY_CALIBRATE, Attempt
 from silmesh.errors import InputError
 from silmesh.geometry.camera import Cameras, Similarity
+from silmesh.geometry.robust_hull import robust_carve
 from silmesh.geometry.silhouette_iou import coherence
 from silmesh.geometry.thresholds import COHERENT, REFUSED
 from silmesh.geometry.undistortion import Undistorted, undistort
 from silmesh.geometry.visual_hull import carve, find_enclosed
-from silmesh.scene.outliers import find_outliers
 from silmesh.scene.scene import find_similarity, refuse_enclosed
 
 FEWEST = 2  # least number of silhouettes that are not empty
 # Of attempts whose hull IoU differs by less than this, the one with the most views is taken.
 NEAR = 0.02
-ROUNDS = 2  # of looking for outliers among the views that are left
+MOST_WRONG = 0.4  # of the views: of cameras that more of them contradict nothing is believed
+MOVED = 0.05  # change of the world's scale by which the views are judged anew
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,8 @@ class Normalised:
         coherence: [views], the hull's IoU with each silhouette; 0 where that is empty
         contradicted: positions of the views whose silhouettes the others contradict: the hull is
             that of the others
+        disbelieved: [views], the share of each silhouette's area that it shows or lacks although
+            the others contradict it; 0 of those that are contradicted as a whole
         empty: positions of the views whose silhouette is empty
     """
 
@@ -42,11 +45,20 @@ class Normalised:
     coherence: np.ndarray
     contradicted: tuple[int, ...] = ()
     empty: tuple[int, ...] = ()
+    disbelieved: np.ndarray | None = None
 
     @property
     def mean(self) -> float:
         """The mean coherence of the views that say something and are not contradicted."""
         return float(np.delete(self.coherence, [*self.contradicted, *self.empty]).mean())
+
+    @property
+    def overall(self) -> float:
+        """The same of all views that say something: that views are contradicted does not lift it.
+
+        By it cameras are compared and refused, since wrong ones agree with a few views by chance.
+        """
+        return float(np.delete(self.coherence, self.empty).mean())
 
 
 def find_shown(silhouettes: np.ndarray) -> np.ndarray:
@@ -65,7 +77,9 @@ def normalise(
     """Take the cameras' lenses away, normalise their world and measure their coherence.
 
     The views whose silhouette is empty have no say in it. If the coherence is low, those have none
-    either whose silhouettes most others contradict, if the others then are more coherent.
+    either that ``robust_carve`` does not believe, and the hull is the one that it carves. What it
+    does not believe of the views that are left still counts as disagreement, so that it cannot make
+    wrong cameras seem right.
 
     Args:
         cameras: in their own world
@@ -90,22 +104,22 @@ def normalise(
     kept = _Views(cameras.select(shown), silhouettes[shown], undistorted.frames[shown])
     all_views = np.arange(len(shown))
     outlined = _find_outlined(kept.silhouettes)
-    found = _measure(kept, outlined, all_views, keep_world, resolution)
-    contradicted = all_views[:0]
-    if found[1].mean() < COHERENT:
-        found, contradicted = _measure_without_outliers(
-            found, kept, keep_world, resolution, suspects
-        )
-    similarity, shares = found
-    cameras = cameras.in_world_of(similarity)
-    sound = kept.select(np.setdiff1d(all_views, contradicted)).in_world_of(similarity)
+    found = _measure(kept, kept.select(outlined), kept, keep_world, resolution)
+    if found.mean < COHERENT:
+        found = _measure_believed(found, kept, keep_world, resolution, suspects)
+    cameras = cameras.in_world_of(found.similarity)
+    sound = kept.select(np.setdiff1d(all_views, found.contradicted)).in_world_of(found.similarity)
     refuse_enclosed(sound.cameras, find_enclosed(sound.silhouettes, sound.cameras, sound.frames))
-    agreement = np.zeros(len(cameras))
-    agreement[shown] = shares
-    empty = np.setdiff1d(np.arange(len(cameras)), shown)
-    outliers = shown[contradicted]
+    agreement, disbelieved = np.zeros((2, len(cameras)))
+    agreement[shown], disbelieved[shown] = found.shares, found.disbelieved
     return Normalised(
-        cameras, undistorted, similarity, agreement, tuple(outliers.tolist()), tuple(empty.tolist())
+        cameras,
+        undistorted,
+        found.similarity,
+        agreement,
+        tuple(shown[found.contradicted].tolist()),
+        tuple(np.setdiff1d(np.arange(len(cameras)), shown).tolist()),
+        disbelieved,
     )
 
 
@@ -131,50 +145,74 @@ def _find_outlined(silhouettes: np.ndarray) -> np.ndarray:
     return outlined if 2 * len(outlined) > len(silhouettes) else np.arange(len(silhouettes))
 
 
+class _Found(NamedTuple):
+    """What is measured: a world, [n] coherence, positions of views that had no say, [n] shares."""
+
+    similarity: Similarity
+    shares: np.ndarray
+    contradicted: np.ndarray
+    disbelieved: np.ndarray
+
+    @property
+    def mean(self) -> float:
+        return float(np.delete(self.shares, self.contradicted).mean())
+
+
 def _measure(
-    views: _Views, placing: np.ndarray, carving: np.ndarray, keep_world: bool, resolution: int
-) -> tuple[Similarity, np.ndarray]:
-    """The world that some views span, and the coherence of all with the hull of some: [views]."""
-    similarity = Similarity.identity() if keep_world else find_similarity(*views.select(placing))
-    views = views.in_world_of(similarity)
-    carved = views.select(carving)
-    hull = carve(carved.silhouettes, carved.cameras, resolution, frames=carved.frames)
-    return similarity, coherence(hull, *views)
+    views: _Views, placing: _Views, carving: _Views, keep_world: bool, resolution: int
+) -> _Found:
+    """The world that some views span, and the coherence of all with the hull of others."""
+    similarity = Similarity.identity() if keep_world else find_similarity(*placing)
+    views, carving = views.in_world_of(similarity), carving.in_world_of(similarity)
+    hull = carve(carving.silhouettes, carving.cameras, resolution, frames=carving.frames)
+    shares = coherence(hull, *views)
+    said = {carving.cameras.views[i] for i in range(len(carving.cameras))}
+    unheard = [i for i, view in enumerate(views.cameras.views) if view not in said]
+    return _Found(similarity, shares, np.array(unheard, int), np.zeros(len(shares)))
 
 
-def _measure_without_outliers(
-    found: tuple[Similarity, np.ndarray],
+def _measure_believed(
+    found: _Found,
     views: _Views,
     keep_world: bool,
     resolution: int,
     suspects: Collection[str],
-) -> tuple[tuple[Similarity, np.ndarray], np.ndarray]:
-    """What ``_measure`` finds without the views that most others contradict, and those.
+) -> _Found:
+    """What ``_measure`` finds by what is believed, if that is more coherent and most views are."""
+    names = views.cameras.views
+    left = np.array([i for i, name in enumerate(names) if name not in suspects], int)
+    if FEWEST <= len(left) < len(names):
+        some = views.select(left)
+        again = _measure(views, some, some, keep_world, resolution)
+        if again.mean >= max(COHERENT, found.mean):
+            return again
+    again = _believe(found, views, keep_world, resolution)
+    if again is None or again.mean < found.mean + NEAR:
+        return found
+    if abs(again.similarity.scale / found.similarity.scale - 1) > MOVED:
+        once_more = _believe(again, views, keep_world, resolution)
+        again = once_more if once_more and once_more.mean >= again.mean else again
+    return again
 
-    In rounds, since the worst outliers hide others. Views are left out only if the rest is more
-    coherent without them, and they are fewer than half.
+
+def _believe(found: _Found, views: _Views, keep_world: bool, resolution: int) -> _Found | None:
+    """The same by what ``robust_carve`` believes in the world that was found; None if it is all.
+
+    Nor is anything found if more than ``MOST_WRONG`` of the views are not believed.
     """
-    everyone = np.arange(len(views.silhouettes))
-    inliers, best = everyone, found[1].mean()
-    left = np.array([i for i in everyone if views.cameras.views[i] not in suspects])
-    if FEWEST <= len(left) < len(everyone):
-        again = _measure(views, left, left, keep_world, resolution)
-        if again[1][left].mean() >= max(COHERENT, best):
-            return again, np.setdiff1d(everyone, left)
-    for _ in range(ROUNDS):
-        asked = views.select(inliers).in_world_of(found[0])
-        verdict = find_outliers(asked.silhouettes, asked.cameras, asked.frames)
-        left = inliers[verdict.inliers]
-        if verdict.refusal or not verdict.outliers or 2 * len(left) <= len(everyone):
-            break
-        again = _measure(views, left, left, keep_world, resolution)
-        mean = again[1][left].mean()
-        if mean < best + NEAR:
-            break
-        found, inliers, best = again, left, mean
-        if best >= COHERENT:
-            break
-    return found, np.setdiff1d(everyone, inliers)
+    asked = views.in_world_of(found.similarity)
+    verdict = robust_carve(asked.silhouettes, asked.cameras, asked.frames, resolution)
+    wrong, parts = verdict.distrusted, verdict.disbelieved
+    if not (wrong or verdict.corrected) or len(wrong) > MOST_WRONG * len(views.silhouettes):
+        return None
+    kept = np.flatnonzero(verdict.reliability > 0)
+    whole = np.setdiff1d(kept, verdict.corrected)
+    placing = views.select(whole if 2 * len(whole) > len(kept) else kept)
+    carving = views._replace(silhouettes=views.silhouettes | parts).select(kept)
+    again = _measure(views, placing, carving, keep_world, resolution)
+    area = views.silhouettes.sum(axis=(1, 2))
+    shares = np.where(verdict.reliability > 0, parts.sum(axis=(1, 2)) / area, 0)
+    return again._replace(disbelieved=shares)
 
 
 def refuse_incoherent(
@@ -193,7 +231,7 @@ def refuse_incoherent(
     except InputError as error:
         why = f"cameras {attempt.source!r}: {error}"
         return replace(attempt, cameras=None, refusal=why)
-    mean, views = normalised.mean, attempt.cameras.views
+    mean, views = normalised.overall, attempt.cameras.views
     figures = {"coherence": mean, "contradicted": [views[i] for i in normalised.contradicted]}
     attempt = replace(attempt, figures={**attempt.figures, **figures})
     if mean >= REFUSED:
@@ -218,9 +256,9 @@ def choose(attempts: Sequence[Attempt], candidates: Sequence[Normalised | None])
         candidates: None where an attempt was refused; not all are
     """
     there = [i for i, p in enumerate(candidates) if p is not None]
-    most = max(candidates[i].mean for i in there)
-    near = [i for i in there if candidates[i].mean >= most - NEAR]
-    best = max(near, key=lambda i: (len(candidates[i].cameras), candidates[i].mean))
+    most = max(candidates[i].overall for i in there)
+    near = [i for i in there if candidates[i].overall >= most - NEAR]
+    best = max(near, key=lambda i: (len(candidates[i].cameras), candidates[i].overall))
     return best, _say_why(best, attempts, candidates)
 
 
@@ -240,4 +278,4 @@ def refused_or(attempt: Attempt, normalised: Normalised | None) -> str:
     """An attempt's coherence and views, or why it has no cameras."""
     if normalised is None:
         return f"no cameras ({attempt.refusal})"
-    return f"hull IoU {normalised.mean:.3f} over {len(normalised.cameras)} views"
+    return f"hull IoU {normalised.overall:.3f} over {len(normalised.cameras)} views"

@@ -15,6 +15,7 @@ from silmesh.geometry.visual_hull import find_outlier_views
 from silmesh.scene.agreement import Normalised, choose, find_shown, refused_or
 from silmesh.scene.conventions import settle
 from silmesh.scene.diagnosis import MEASURED, diagnose
+from silmesh.scene.outliers import LEAST
 from silmesh.scene.scene import Scene
 from silmesh.views import View
 
@@ -70,7 +71,7 @@ def build_scene(
     attempt = _warn_of_contradicted(attempt, best)
     notes = {
         **_note_cameras(attempt, best, why),
-        "disagreeing": attempt.figures.get("disagreeing", {}),
+        "disagreeing": _explain_contradicted(best) | attempt.figures.get("disagreeing", {}),
         "doubtful": _name_outliers(best, undistorted),
         "warnings": list(attempt.warnings),
         "figures": dict(attempt.figures),
@@ -127,6 +128,16 @@ def _warn_of_contradicted(attempt: Attempt, best: Normalised) -> Attempt:
         f"{len(best.cameras)} views, whose silhouettes the others contradict: {names}"
     )
     return replace(attempt, warnings=(*attempt.warnings, warning))
+
+
+def _explain_contradicted(best: Normalised) -> dict[str, str]:
+    """Why the others contradict each view that had no say, or of which much was not believed."""
+    views = best.cameras.views
+    said = {}
+    if best.disbelieved is not None:
+        parts = np.flatnonzero(best.disbelieved > LEAST)
+        said = {views[i]: f"other views contradict {best.disbelieved[i]:.0%} of it" for i in parts}
+    return said | {views[i]: "other views contradict it" for i in best.contradicted}
 
 
 def _note_cameras(attempt: Attempt, best: Normalised, why: str) -> dict[str, Any]:

@@ -1,10 +1,13 @@
 """Whether the photographs' colours agree with the silhouettes: outlines should lie on colour edges.
 
-Each view gets two measures from the gradient magnitude of the working image, after a Gaussian blur
-of one pixel. ``edges`` is the share of the outline that is close to an edge; a soft shadow that was
-taken for a part of the object has none. ``in_place`` is the mean gradient along the outline as a
-share of the largest mean gradient along a shifted outline, by cross-correlation; a mask that lies
-beside its object has its maximum elsewhere.
+Each view gets three measures from the gradient magnitude of the working image, after a Gaussian
+blur of one pixel. ``edges`` is the share of the outline that is close to an edge; a soft shadow
+that was taken for a part of the object has none. ``in_place`` is the mean gradient along the
+outline as a share of the largest mean gradient along a shifted outline, by cross-correlation; a
+mask that lies beside its object has its maximum elsewhere. ``offset`` is by how many pixels the
+outline lies outside of where the mean gradient is largest, inside if negative. In a single view
+that can be chance; the median over all views is within a pixel where masks end where their objects
+do.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,7 +17,7 @@ from PIL import Image
 from scipy import fft, ndimage
 
 Figures = Mapping[str, float]
-EDGES, IN_PLACE = "edges", "in_place"
+EDGES, IN_PLACE, OFFSET = "edges", "in_place", "offset"
 # A gradient is an edge from the smaller of two thresholds on. SLOPE is in grey levels per length of
 # the image's longer side, so that it does not depend on resolution; SHARP in grey levels per pixel.
 SLOPE = 1024.0
@@ -26,12 +29,15 @@ NEAR = 1 / 128  # of the image's longer side: greatest distance of an outline fr
 MARGIN = 4  # pixels of a photograph's border that are ignored
 REACH = 0.2  # of the diagonal of the object's bounding box: greatest shift of an outline
 LARGE = 256  # pixels of the longer side: larger images are subsampled
+BAND = 6  # pixels to both sides of an outline in which its edge is looked for
+APART = 2  # pixels: a median offset from which on all outlines lie beside the edges
 FEWEST = 16  # pixels: a shorter outline is not measured
+MEASURES = (EDGES, IN_PLACE, OFFSET)
 AGREES = {EDGES: 0.9, IN_PLACE: 0.9}  # a measure below this contradicts the silhouette
 
 
 def compare(pixels: np.ndarray, silhouette: np.ndarray, frame: Sequence[int]) -> Figures:
-    """The two measures of a view, each in 0..1; NaN if there is no outline to measure.
+    """The three measures of a view; NaN if there is no outline to measure.
 
     Args:
         pixels: [height, width, 3] uint8
@@ -45,7 +51,7 @@ def compare(pixels: np.ndarray, silhouette: np.ndarray, frame: Sequence[int]) ->
     photographed[top + MARGIN : bottom - MARGIN, left + MARGIN : right - MARGIN] = True
     outline = silhouette & ~ndimage.binary_erosion(silhouette) & photographed
     if outline.sum() < FEWEST:
-        return {EDGES: np.nan, IN_PLACE: np.nan}
+        return dict.fromkeys(MEASURES, np.nan)
     slope = np.where(photographed, _slope(pixels), 0)
     beside = max(1, round(NEAR * max(slope.shape)))
     near = ndimage.maximum_filter(slope, 2 * beside + 1)
@@ -59,7 +65,21 @@ def compare(pixels: np.ndarray, silhouette: np.ndarray, frame: Sequence[int]) ->
     return {
         EDGES: float((near[outline] > edge).mean()),
         IN_PLACE: float(here / steep.max()) if steep.max() > 0 else 0.0,
+        OFFSET: _find_offset(slope, silhouette, photographed),
     }
+
+
+def _find_offset(slope: np.ndarray, silhouette: np.ndarray, photographed: np.ndarray) -> float:
+    """By how many pixels the outline lies outside of the line of the largest mean gradient."""
+    outside = ndimage.distance_transform_edt(~silhouette) - 0.5
+    inside = ndimage.distance_transform_edt(silhouette) - 0.5
+    distance = np.round(np.where(silhouette, -inside, outside))
+    looked = photographed & (np.abs(distance) <= BAND)
+    index = np.arange(-BAND, BAND + 1)
+    at = np.where(looked, distance, BAND + 1)
+    with np.errstate(invalid="ignore"):  # a thin object has no pixels that lie deep inside
+        steep = ndimage.mean(np.minimum(slope, STEEP), at, index)
+    return float(-index[np.nan_to_num(steep).argmax()])
 
 
 def _slope(pixels: np.ndarray) -> np.ndarray:
@@ -99,10 +119,23 @@ def compare_all(
     for view, silhouette, frame in zip(views, silhouettes, frames, strict=True):
         image = images[view]
         if image.has_transparency_data:
-            found.append({EDGES: np.nan, IN_PLACE: np.nan})
+            found.append(dict.fromkeys(MEASURES, np.nan))
         else:
             found.append(compare(np.asarray(image.convert("RGB")), silhouette, frame))
     return found
+
+
+def describe_offset(figures: Sequence[Figures]) -> list[str]:
+    """What is to be said of all outlines together: a sentence if they lie beside the edges."""
+    offsets = [each[OFFSET] for each in figures if not np.isnan(each[OFFSET])]
+    if not offsets or abs(median := float(np.median(offsets))) < APART:
+        return []
+    return [
+        f"the outlines of the silhouettes lie {abs(median):.0f} pixels "
+        f"{'outside' if median > 0 else 'inside'} the edges in the photographs (the median of "
+        f"{len(offsets)} views, in images of at most {LARGE} pixels): masks should end where the "
+        "object does"
+    ]
 
 
 def contradict(figures: Figures) -> bool:

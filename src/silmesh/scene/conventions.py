@@ -119,10 +119,11 @@ def settle(
     found, agreed, own = _find_fitting(attempt, faced, silhouettes, mean >= COHERENT, frames)
     better = agreed >= max(FITS, own + (NEAR if mean >= COHERENT else GAIN))
     doubted = faced.mirrored or faced.doubt is not None
-    if normalised and not better and (mean >= REFUSED or not doubted):
+    enough = normalised is not None and normalised.overall >= REFUSED
+    if normalised and not better and (enough or not doubted):
         return _tell_taken(faced, mean), normalised
     why += f". {_say_fitting(found, agreed) if better else _say_none(faced, found, agreed)}"
-    if normalised and mean >= REFUSED and not doubted:
+    if enough and not doubted:
         return replace(faced, warnings=(*faced.warnings, f"{_file(faced)}: {why}")), normalised
     raise InputError(why)
 
@@ -160,7 +161,7 @@ def _try_to_normalise(
         return None, "; ".join([*said, str(error)])
     said.append(
         "the silhouettes contradict the cameras: the largest body that they all allow fills "
-        f"{normalised.mean:.0%} of them"
+        f"{normalised.overall:.0%} of them"
     )
     return normalised, "; ".join(said)
 
@@ -247,7 +248,7 @@ def _find_fitting(
 def _measure(cameras: Cameras, silhouettes: np.ndarray, frames: np.ndarray | None) -> float:
     """The hull IoU, coarsely; 0 where the cameras cannot be normalised."""
     try:
-        return normalise(cameras, silhouettes, resolution=RESOLUTION, frames=frames).mean
+        return normalise(cameras, silhouettes, resolution=RESOLUTION, frames=frames).overall
     except InputError:
         return 0.0
 

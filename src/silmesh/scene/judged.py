@@ -6,12 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from silmesh.geometry.camera import Cameras, Similarity
 from silmesh.geometry.frame import count_on_frame
+from silmesh.geometry.robust_hull import robust_carve
 from silmesh.geometry.silhouette_iou import coherence
-from silmesh.geometry.visual_hull import carve
 from silmesh.progress import Share, untold
-from silmesh.scene.colour_edges import Figures, compare_all, contradict
+from silmesh.scene.colour_edges import Figures, compare_all, contradict, describe_offset
 from silmesh.scene.policy import DROPPED, KEPT, REPAIRED, WEIGHTS, Decision, decide
 from silmesh.scene.resegmentation import repair
 from silmesh.scene.scene import Scene, find_similarity
@@ -104,24 +103,25 @@ def _measure(scene: Scene, decision: Decision, keep_world: bool, frames: np.ndar
     kept = scene.cameras.select(decision.fitted)
     silhouettes, similarity = decision.silhouettes[decision.fitted], scene.similarity
     frames = frames[decision.fitted]
-    if not keep_world:
-        kept, similarity = _normalise(kept, silhouettes, similarity, frames)
+    if not keep_world and (sound := _find_sound(decision)):
+        own = kept.in_world_of(similarity.inverse)
+        similarity = find_similarity(own.select(sound), silhouettes[sound], frames[sound])
+        kept = own.in_world_of(similarity)
+    hull = robust_carve(silhouettes, kept, frames).hull
     return replace(
         scene,
         cameras=kept,
         similarity=similarity,
         silhouettes=silhouettes,
-        coherence=coherence(carve(silhouettes, kept, frames=frames), kept, silhouettes, frames),
+        coherence=coherence(hull, kept, silhouettes, frames),
     )
 
 
-def _normalise(
-    cameras: Cameras, silhouettes: np.ndarray, before: Similarity, frames: np.ndarray
-) -> tuple[Cameras, Similarity]:
-    """Cameras of a world that was normalised by other silhouettes, in that of these."""
-    own = cameras.in_world_of(before.inverse)
-    similarity = find_similarity(own, silhouettes, frames)
-    return own.in_world_of(similarity), similarity
+def _find_sound(decision: Decision) -> list[int]:
+    """Positions, among the views that are left, of those whose silhouettes are no outliers now."""
+    fates, reasons = decision.fates, decision.verdict.reasons
+    left = enumerate(decision.fitted)
+    return [n for n, i in left if fates[i] == REPAIRED or not reasons[i]]
 
 
 def _note(
@@ -136,6 +136,7 @@ def _note(
     return {
         **notes,
         "dropped": notes["dropped"] | lost,
+        "measured": [*notes.get("measured", ()), *describe_offset(colours)],
         "doubtful": reasons or dict.fromkeys(notes["doubtful"], LOWERING),
         "contradicted": [views[i] for i in decision.fitted if contradict(colours[i])],
         "repaired": [view for view, fate in fates.items() if fate == REPAIRED],

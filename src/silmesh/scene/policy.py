@@ -46,7 +46,8 @@ def decide(
     """Find outliers among the silhouettes, and keep, drop or repair them.
 
     Args:
-        policy: ``keep``, ``drop``, or ``repair``, which drops what stays an outlier
+        policy: ``keep``, which drops only what is empty, since there is nothing to fit; ``drop``,
+            or ``repair``, which drops what stays an outlier
         fewest: least number of views that may be left when any is dropped
         silhouettes: [views, height, width] bool
         cameras: of these views, in the normalised world
@@ -67,9 +68,9 @@ def decide(
         for i in outliers:
             fates[i] = DROPPED if i in still else REPAIRED
             new[i] = silhouettes[i] if i in still else new[i]
-    elif policy == "drop":
+    else:
         for i in outliers:
-            fates[i] = DROPPED
+            fates[i] = DROPPED if policy == "drop" or not silhouettes[i].any() else KEPT
     decision = Decision(verdict, new, fates)
     _refuse_too_few(decision, fewest, cameras.views)
     return decision

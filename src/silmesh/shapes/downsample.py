@@ -6,6 +6,7 @@ import trimesh
 
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.frame import open_frames
+from silmesh.geometry.small_images import shrink, shrink_shape
 from silmesh.softras import soft_silhouettes
 
 SHARP = 1e-5  # sigma of renderings that are thresholded to silhouettes
@@ -21,14 +22,8 @@ def downsample(
         cameras: of these views
         size: of the longer side, in pixels
     """
-    kept, shape = _choose(silhouettes, size, views)
-    count, (height, width) = len(kept), silhouettes.shape[1:]
-    images = torch.tensor(silhouettes[kept], dtype=torch.float32).unsqueeze(1)
-    small = torch.nn.functional.interpolate(images, shape, mode="area").squeeze(1)
-    to_small = torch.diag(torch.tensor([shape[1] / width, shape[0] / height, 1.0])).double()
-    sizes = torch.tensor([[shape[1], shape[0]]]).expand(count, 2)
-    chosen = cameras.select(kept.tolist()).in_pixels_of(to_small.expand(count, 3, 3), sizes)
-    return (small > 0.5).numpy(), chosen
+    kept = _choose(len(silhouettes), views)
+    return shrink(silhouettes[kept], cameras.select(kept.tolist()), size)
 
 
 def downsample_frames(
@@ -43,7 +38,8 @@ def downsample_frames(
     Returns:
         [few, 4] int, no pixel of which lies partly beyond its photograph
     """
-    kept, (height, width) = _choose(silhouettes, size, views)
+    kept = _choose(len(silhouettes), views)
+    height, width = shrink_shape(silhouettes.shape[1:], size)
     cut, spoken = open_frames(silhouettes, frames)
     if not cut[kept].any():
         return None
@@ -53,13 +49,10 @@ def downsample_frames(
     return np.where(cut[kept, None], inner, [0, 0, width, height]).astype(int)
 
 
-def _choose(silhouettes: np.ndarray, size: int, views: int) -> tuple[np.ndarray, tuple[int, int]]:
-    """Positions of at most so many views, and height and width with a longer side of ``size``."""
-    count = min(views, len(silhouettes))
-    kept = np.arange(count) * len(silhouettes) // count
-    height, width = silhouettes.shape[1:]
-    shrink = min(1.0, size / max(height, width))
-    return kept, (max(1, round(shrink * height)), max(1, round(shrink * width)))
+def _choose(count: int, most: int) -> np.ndarray:
+    """Positions of at most so many of some views, spread evenly."""
+    kept = min(most, count)
+    return np.arange(kept) * count // kept
 
 
 def crop(

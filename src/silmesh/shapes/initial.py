@@ -28,6 +28,8 @@ SHAPES = ("sphere", *PLACED, "auto")
 FALLBACK = "ellipsoid"  # the shape that is taken if a hull is empty
 BETTER = 0.01  # IoU by which that must fit better than a hull to take its place
 LOST = 0.001  # share of a carved body's volume in smaller pieces from which to warn
+NOTHING = 1e-9  # volume over the cube of its size of what is no body
+FAR = 20  # radii of the object: what a person gives as its mesh should not reach farther
 NAMED = 5  # most views that a warning names
 
 
@@ -74,10 +76,13 @@ def make_initial_mesh(
             pixels; the whole images if not given
 
     Raises:
-        InputError: a function of a person's own fails, or gives no closed mesh
+        InputError: a function of a person's own fails, or gives no closed mesh; all silhouettes
+            are empty
     """
     if frames is not None and init.shape != "sphere":  # the report's is placed in the whole image
         silhouettes, cameras, frames = crop(silhouettes, cameras, frames)
+    if not silhouettes.any():
+        raise InputError("no silhouette shows the object: all are empty")
     scores, warnings = {}, []
     shape = init.shape
     if shape == "auto":
@@ -158,7 +163,9 @@ def _make(
         notes = _describe(carved, cameras)
     elif own_file(init.shape):
         given = None if counted else init.vertices
-        mesh = _take(init.shape, call(init.shape, silhouettes, cameras, given))
+        own = silhouettes.copy()  # what it writes into stays its own
+        radius = OBJECT_RADIUS if init.align != "none" else None
+        mesh = take_mesh(init.shape, call(init.shape, own, cameras, given), radius)
     elif init.align == "none":
         mesh = plain_primitive(init.shape, vertices)
     else:
@@ -187,15 +194,39 @@ def _compare_scale(cameras: Cameras, whole: np.ndarray) -> float:
     return max(1.0, float(pixels.median() / pixels[whole].median()))
 
 
-def _take(shape: str, made: Any) -> trimesh.Trimesh:
-    """The mesh that a person's own function gave, if one can be fitted from it."""
+def take_mesh(name: str, made: Any, radius: float | None = None) -> trimesh.Trimesh:
+    """The mesh that a person's own function or code gave, if one can be fitted from it.
+
+    Args:
+        name: of what gave it, for messages
+        radius: of the sphere about the origin that the object lies in; any if not given
+
+    Raises:
+        InputError: it is no closed mesh, or far larger than the object
+    """
     if not isinstance(made, trimesh.Trimesh):
-        raise InputError(f"{shape}: gives {type(made).__name__}; should give a trimesh.Trimesh")
+        raise InputError(f"{name}: gives {type(made).__name__}; should give a trimesh.Trimesh")
     if not np.isfinite(made.vertices).all():
-        raise InputError(f"{shape}: gives a vertex that is not finite")
+        raise InputError(f"{name}: gives a vertex that is not finite")
     if not (len(made.faces) and made.is_watertight):
-        raise InputError(f"{shape}: gives a mesh that is not closed; should be watertight")
-    return trimesh.Trimesh(made.vertices, made.faces, process=False)
+        raise InputError(f"{name}: gives a mesh that is not closed; should be watertight")
+    mesh = trimesh.Trimesh(made.vertices, made.faces, process=False)
+    far, volume = np.abs(mesh.vertices).max(), _measure_volume(mesh)
+    if radius is not None and far > FAR * radius:
+        raise InputError(
+            f"{name}: gives a mesh that reaches {far:.3g} from the origin; the object lies within "
+            f"{radius:g}"
+        )
+    if abs(volume) <= NOTHING * far**3:
+        raise InputError(f"{name}: gives a mesh without volume; should be a solid body")
+    if volume < 0:  # a fit would turn it outside out through its own surface
+        mesh.invert()
+    return mesh
+
+
+def _measure_volume(mesh: trimesh.Trimesh) -> float:
+    """The signed volume; that of trimesh divides by it."""
+    return float(np.linalg.det(mesh.vertices[mesh.faces]).sum() / 6)
 
 
 def _score(
@@ -209,16 +240,17 @@ def _score(
     """How every placed shape does, the best first, and why some are not among them."""
     if trial is None:
         raise ValueError("auto needs a trial")
-    meshes, warnings = {}, []
+    meshes, empty = {}, {}
 
     def make(shape: str) -> None:
         try:
             small = init.model_copy(update={"shape": shape, "vertices": VERTICES})
             meshes[shape] = _make(small, silhouettes, cameras, frames).mesh
         except EmptyHull as error:
-            warnings.append(str(error))
+            empty[shape] = str(error)
 
     share(make, PLACED)
+    warnings = [empty[shape] for shape in PLACED if shape in empty]  # whichever came first
     meshes = {shape: meshes[shape] for shape in PLACED if shape in meshes}
     return score_meshes(meshes, silhouettes, cameras, trial, progress, frames), warnings
 

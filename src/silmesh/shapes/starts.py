@@ -54,10 +54,8 @@ def measure_start(
     shown = render_initial(mesh, cameras, silhouettes.shape[1:])
     known = known_pixels(silhouettes, frames)
     if robust is not None:
-        weighty = robust.reliability > 0
-        believed = ~robust.disbelieved[weighty]
-        known = believed if known is None else known[weighty] & believed
-        shown, silhouettes = shown[weighty], silhouettes[weighty]
+        known = robust.count(known)
+        shown, silhouettes = shown[robust.trusted], silhouettes[robust.trusted]
     return Start(mean_iou(shown, silhouettes, known), 1 - lost)
 
 

@@ -37,8 +37,11 @@ SOURCES = {"mask": mask.find, "alpha": alpha.find, "threshold": _find_by_thresho
 NETWORKS = tuple(Networks.model_fields)  # each the module of its name, with `find_all`
 GIVEN = ("mask", "alpha")  # sources that a person made
 GREY = 124  # grey level of the object in a silhouette's file
-LOST = "lost.json"  # names views whose silhouette is empty since a file could not be read
+LOST = "lost.json"  # names views whose silhouette is empty, though its file may not be, and why
 FEWEST = 2  # least number of views with a silhouette
+ENOUGH = 6  # and of those that must be left if one that cannot be used is not to refuse the rest
+GO_ON = "quality.policy 'drop' goes on without such a view"
+FULL = "shows the whole photograph, or all around it"  # why a full silhouette is lost
 AROUND = 0.7  # given masks count as inverted if most cover more of the photographs' borders
 HINTS = {
     "mask": ", white in its mask",
@@ -57,7 +60,7 @@ class Found:
     Attributes:
         silhouettes: [views, size, size] bool, empty where one was spared
         spared: what is wrong with each of those
-        lost: of which views a photograph or a mask could not be read, and what
+        lost: of which views a photograph or a mask could not be read or is full, and what
     """
 
     silhouettes: np.ndarray
@@ -83,14 +86,15 @@ def find_silhouettes(
         images: their working images
         masks: the views' mask files in the same order, or none
         settings: of the network, if the source is one
-        spare: let a silhouette be empty that cannot be used, as long as two can
+        spare: let a silhouette be empty that cannot be used, as long as two can; otherwise it may
+            be if it can be read, most can be used, and ``ENOUGH`` are left
         progress: is told how many views are done
         threads: of the network
 
     Raises:
         InputError: masks are lacking or differ in number from the views; a photograph or a mask
-            cannot be read; a silhouette is empty or fills its photograph; even if others can be
-            used, a mask tells more than object and background apart
+            cannot be read; too many silhouettes are empty or fill their photographs; even if others
+            can be used, a mask tells more than object and background apart
     """
     spared, lost, kept = [], {}, []
     around: dict[int, str] = {}
@@ -104,8 +108,12 @@ def find_silhouettes(
             wrong = str(silhouette)
             what = "photograph" if view.unreadable else source
             lost[view.view] = f"its {what} cannot be used"
+            if not spare:
+                raise InputError(f"{wrong}. {GO_ON}")
         else:
             wrong = _describe_wrong(silhouette, view, source, file)
+            if wrong and silhouette.any():
+                lost[view.view] = FULL
         if wrong:
             spared.append(wrong)
             _refuse_wrong(spared, len(views), spare)
@@ -119,16 +127,19 @@ def find_silhouettes(
     for place, wrong in around.items() if 2 * len(around) > len(views) else ():
         spared.append(wrong)  # a few are of photographs taken near, which the object nearly fills
         _refuse_wrong(spared, len(views), spare)
+        lost[views[place].view] = FULL
         kept[place] = np.zeros_like(kept[place])
     return Found(np.stack(kept), spared, lost)
 
 
 def _refuse_wrong(wrong: Sequence[str], views: int, spare: bool) -> None:
-    """Refuse the last that is wrong, or all of them if they leave too few views."""
-    if not spare:
-        raise InputError(f"{wrong[-1]}. quality.policy 'drop' goes on without such a view")
-    if views - len(wrong) < FEWEST:
+    """Refuse those that are wrong if they leave too few views; of a few views each counts."""
+    left = views - len(wrong)
+    if spare and left < FEWEST:
         raise InputError("\n".join(wrong))
+    if not spare and left < max(ENOUGH, views / 2):
+        several = f"{len(wrong)} of {views} silhouettes cannot be used. The last: "
+        raise InputError(f"{several * (len(wrong) > 1)}{wrong[-1]}. {GO_ON}")
 
 
 def write_silhouettes(
@@ -144,8 +155,9 @@ def write_silhouettes(
 ) -> Sequence[str]:
     """Find the silhouette of every view and write ``<folder>/<view>.png``.
 
-    Views of which something could not be read are also named in ``lost.json``. Arguments and errors
-    are those of ``find_silhouettes``, but for ``images``: the folder of the working images.
+    Views of which something could not be read or is full are also named in ``lost.json``. Arguments
+    and errors are those of ``find_silhouettes``, but for ``images``: the folder of the working
+    images.
 
     Returns:
         for each view that was spared, what is wrong with its silhouette

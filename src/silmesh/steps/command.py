@@ -5,6 +5,7 @@ import json
 import os
 import shlex
 import sys
+import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
@@ -12,6 +13,8 @@ from typing import Any, NoReturn
 from silmesh.errors import InputError
 from silmesh.files import NOT_OURS, try_file, try_folder, try_inside
 from silmesh.settings.check import check
+
+INTERRUPTED = 130  # exit status, as a shell has it
 
 
 class _Parser(argparse.ArgumentParser):
@@ -88,6 +91,10 @@ def run(main: Callable[[Sequence[str] | None], None]) -> None:
     except InputError as error:
         print(f"silmesh: {error}", file=sys.stderr)
         sys.exit(1)
+    except KeyboardInterrupt as error:
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        print(f"silmesh: interrupted in {last.filename}, line {last.lineno}", file=sys.stderr)
+        sys.exit(INTERRUPTED)
     except OSError as error:
         if error.errno not in NOT_OURS:
             raise

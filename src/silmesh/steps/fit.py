@@ -6,6 +6,7 @@ import json
 import sys
 from collections.abc import Sequence
 from dataclasses import astuple, fields
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,8 @@ import torch
 from silmesh.errors import blaming
 from silmesh.files import remove, replacing
 from silmesh.fitting.checkpoint import Checkpoint
-from silmesh.fitting.fit import fit_mesh
 from silmesh.fitting.loop import Record
-from silmesh.fitting.restart import fit_or_restart, may_restart
+from silmesh.fitting.robust_fit import ATTEMPTS, fit_robustly
 from silmesh.geometry.camera import write_cameras
 from silmesh.geometry.mesh_files import read_mesh, to_tensors, write_mesh
 from silmesh.progress import Progress
@@ -31,13 +31,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     torch.set_num_threads(given.threads)
     progress = Progress(f"fit {given.name}", given.settings.iterations)
     with blaming(given.name):
-        fit = fit_or_restart if may_restart(given.shape, given.settings) else fit_mesh
-        fitted = fit(
+        fitted = fit_robustly(
             read_mesh(given.initial),
             load_scene(given.scene),
             given.settings,
+            given.shape,
             lambda record: progress(record.iteration + 1, f"loss {record.loss:.4f}"),
-            (lambda parts: _take_up(given, parts)) if given.checkpoint else None,
+            partial(_take_up, given) if given.checkpoint else None,
         )
     for warning in fitted.notes["warnings"]:
         print(f"silmesh: {given.name}: {warning}", file=sys.stderr)
@@ -50,18 +50,25 @@ def main(argv: Sequence[str] | None = None) -> None:
         table.writerow(field.name for field in fields(Record))
         table.writerows(map(astuple, fitted.records))
     if given.checkpoint:
-        remove(given.checkpoint)
+        for attempt in ATTEMPTS:
+            remove(_name_checkpoint(given, attempt))
 
 
-def _take_up(given: argparse.Namespace, parts: Sequence[Any]) -> Checkpoint:
-    """The checkpoint of a fit of these parts, and a word on what is in it."""
-    checkpoint = Checkpoint(given.checkpoint, (*parts, given.code))
-    if given.checkpoint.exists():
+def _name_checkpoint(given: argparse.Namespace, attempt: str) -> Path:
+    file = given.checkpoint
+    return file if attempt == ATTEMPTS[0] else file.with_stem(f"{file.stem}-{attempt}")
+
+
+def _take_up(given: argparse.Namespace, attempt: str, parts: Sequence[Any]) -> Checkpoint:
+    """The checkpoint of one of the attempts at a fit, and a word on what is in it."""
+    file = _name_checkpoint(given, attempt)
+    checkpoint = Checkpoint(file, (*parts, given.code))
+    if file.exists():
         useful = checkpoint.read()
         print(
-            f"{given.name}: goes on from {given.checkpoint}"
+            f"{given.name}: goes on from {file}"
             if useful
-            else f"{given.name}: begins anew: {given.checkpoint} has no state of this fit"
+            else f"{given.name}: begins anew: {file} has no state of this fit"
         )
     return checkpoint
 

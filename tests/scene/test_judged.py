@@ -1,0 +1,86 @@
+"""Masks of an ellipsoid before known cameras, some of them wrong: from files to judged scene."""
+
+import numpy as np
+import pytest
+from scenes import dome, save, silhouettes
+
+import silmesh
+from silmesh.errors import InputError
+from silmesh.silhouettes import FULL
+
+SIZE, COUNT = 64, 24
+AXES = (0.45, 0.3, 0.35)
+EMPTY, FILLED, OTHER, BITTEN = [3, 11], [6], [8, 17], [14, 20]
+
+
+def bite(silhouette, share=0.2):
+    """Without the so many of its pixels that are nearest to its leftmost one."""
+    bitten, pixels = silhouette.copy(), np.argwhere(silhouette)
+    first = pixels[pixels[:, 1].argmin()]
+    nearest = ((pixels - first) ** 2).sum(axis=1).argsort()[: round(share * len(pixels))]
+    bitten[tuple(pixels[nearest].T)] = False
+    return bitten
+
+
+def spoil(seen, cameras):
+    """Masks that are empty, full, of a rod at another place, and bitten."""
+    found = seen.copy()
+    found[EMPTY], found[FILLED] = False, True
+    found[OTHER] = silhouettes(cameras, (0.1, 0.7, 0.1), (0.25, 0.2, 0))[OTHER]
+    found[BITTEN] = [bite(seen[i]) for i in BITTEN]
+    return found
+
+
+@pytest.fixture(scope="module")
+def ball():
+    cameras = dome(COUNT, SIZE)
+    return cameras, silhouettes(cameras, AXES)
+
+
+def find_scene(folder, masks, cameras, policy):
+    """The scene that is to be fitted."""
+    for view, mask in zip(cameras.views, masks, strict=True):
+        save(folder / f"photographs/{view}.png", np.zeros((SIZE, SIZE, 3), np.uint8))
+        save(folder / f"masks/{view}.png", mask)
+    shown = silmesh.read_photographs(folder / "photographs", size=SIZE)
+    found = silmesh.find_silhouettes(shown, folder / "masks", policy=policy)
+    return silmesh.find_cameras(shown, found, cameras)
+
+
+def named(cameras, *positions):
+    return {cameras.views[i] for some in positions for i in some}
+
+
+def test_wrong_masks_are_named_and_the_rest_is_fitted(ball, tmp_path):
+    cameras, seen = ball
+    notes = (scene := find_scene(tmp_path, spoil(seen, cameras), cameras, "auto")).notes
+    lost = dict.fromkeys(named(cameras, EMPTY), "empty")
+    assert notes["dropped"] == lost | dict.fromkeys(named(cameras, FILLED), FULL)
+    assert set(notes["doubtful"]) == named(cameras, EMPTY, FILLED, OTHER, BITTEN)
+    assert notes["doubtful"][cameras.views[OTHER[0]]] == "other views contradict it"
+    assert set(scene.cameras.views) == set(cameras.views) - named(cameras, EMPTY, FILLED)
+    sound = [i for i, v in enumerate(scene.cameras.views) if v not in notes["doubtful"]]
+    assert scene.coherence[sound].min() > 0.95
+    # The ellipsoid's own longest radius is 0.45, and the world's is 0.5.
+    assert scene.similarity.scale == pytest.approx(0.5 / 0.45, rel=0.05)
+
+
+def test_those_that_are_named_are_dropped_where_that_is_the_policy(ball, tmp_path):
+    cameras, seen = ball
+    scene = find_scene(tmp_path, spoil(seen, cameras), cameras, "drop")
+    assert set(scene.notes["dropped"]) == named(cameras, EMPTY, FILLED, OTHER, BITTEN)
+    assert scene.coherence.mean() > 0.95
+
+
+def test_most_masks_without_an_object_are_refused_with_their_number(ball, tmp_path):
+    cameras, seen = ball
+    masks = seen.copy()
+    masks[:13] = False
+    with pytest.raises(InputError, match="13 of 24 silhouettes cannot be used"):
+        find_scene(tmp_path, masks, cameras, "auto")
+
+
+def test_inverted_masks_are_refused(ball, tmp_path):
+    cameras, seen = ball
+    with pytest.raises(InputError, match="it may be inverted"):
+        find_scene(tmp_path, ~seen, cameras, "auto")
