@@ -117,5 +117,6 @@ def test_the_scans(data, tmp_path, name, up, surroundings):
         check_angles(attempt.cameras, truth)
     else:
         assert told["cameras"] == "calibrate"
-        assert attempt.refusal
+        # the wall aligns nothing that is taken; a part of the views may be aligned by the object
+        assert attempt.refusal or 2 * len(attempt.cameras) <= len(truth)
     assert np.min(list(told["hull_iou"].values())) > 0.9

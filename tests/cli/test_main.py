@@ -210,13 +210,23 @@ def test_photographs_to_a_mesh_and_on_after_an_interruption(tmp_path):
     assert log.read_text().startswith("# cd ")
     assert " -m silmesh.steps.fit --initial " in log.read_text().splitlines()[0]
 
-    Image.new("RGB", (64, 64), (20, 20, 20)).save(photos / "r3.png")
-    status, said, told = run(tmp_path, photos, *known, "--quality", "keep", "-o", "other.stl")
+    kept = *known, "--quality", "keep", "-o"
+    blank = Image.new("RGB", (64, 64), (20, 20, 20))
+    blank.save(photos / "r3.png")
+    status, said, told = run(tmp_path, photos, *kept, "one.stl")
+    assert status == 0, told
+    assert "1 more left out: r3, " in said
+    assert (tmp_path / "one.stl").exists()
+
+    for i in range(3, 10):
+        blank.save(photos / f"r{i}.png")
+    status, said, told = run(tmp_path, photos, *kept, "most.stl")
     assert status == 1
     last = told.splitlines()[-1]
-    assert last.startswith(f"silmesh: {photos}/r3.png: view 'r3', silhouettes from 'threshold': ")
+    assert f"{photos}/r" in last
+    assert "7 of 12 silhouettes cannot be used" in last
     assert said == ""
-    assert not (tmp_path / "other.stl").exists()
+    assert not (tmp_path / "most.stl").exists()
 
 
 def write_poses(path: Path) -> None:

@@ -280,14 +280,15 @@ def _refuse_incoherent(fit: TurntableFit, verdict: Consensus | None, said: Seque
     allowed = REFUSED * fit.turn.size / 256
     if fit.rms <= allowed:
         return
-    most = f"; no turntable explains more than {verdict.agrees.sum()} of the {len(verdict.agrees)}"
+    most = ""
+    if verdict:
+        most = (
+            f"; no turntable explains more than {verdict.agrees.sum()} of the {len(verdict.agrees)}"
+        )
     raise InputError(
         f"cameras 'calibrate': no turntable explains these silhouettes: at best their "
         f"outlines miss each other by {fit.rms:.2g} pixels (root mean square; at most "
-        f"{allowed:.2g} is accepted)"
-        + (most if verdict else "")
-        + "".join(f"; {s}" for s in said)
-        + CHECK_SERIES
+        f"{allowed:.2g} is accepted){most}" + "".join(f"; {s}" for s in said) + CHECK_SERIES
     )
 
 
