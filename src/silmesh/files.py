@@ -125,6 +125,9 @@ def _name_part(path: Path) -> Path:
 def _is_alive(pid: int) -> bool:
     try:
         os.kill(pid, 0)
+        stat = Path(f"/proc/{pid}/stat")  # of Linux, which keeps a process until it was waited for
+        if stat.exists() and stat.read_text().rpartition(")")[2].split()[0] == "Z":
+            return False
     except (ProcessLookupError, OverflowError):
         return False
     except PermissionError:  # another user's

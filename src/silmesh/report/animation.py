@@ -72,12 +72,20 @@ def write_gif(path: Path, pictures: Sequence[Image.Image]) -> None:
 
 
 def write_mp4(path: Path, pictures: Sequence[Image.Image]) -> None:
-    """Write an H.264 film of one turn that any player takes; the same bytes each time."""
+    """Write an H.264 film of one turn that any player takes; the same bytes each time.
+
+    x264's vector code does not always give the same bytes, so it is asked for what does.
+    """
     with replacing(path) as part, av.open(str(part), "w", format="mp4") as film:
         stream = film.add_stream("libx264", rate=round(len(pictures) / SECONDS))
         stream.width, stream.height = pictures[0].size
         stream.pix_fmt = "yuv420p"
-        stream.options = {"crf": "22", "preset": "medium", "threads": "1"}
+        stream.options = {
+            "crf": "22",
+            "preset": "medium",
+            "threads": "1",
+            "x264-params": "cpu-independent=1",
+        }
         for picture in pictures:
             film.mux(stream.encode(av.VideoFrame.from_image(picture)))
         film.mux(stream.encode())
