@@ -166,7 +166,7 @@ def _measure(
     views, carving = views.in_world_of(similarity), carving.in_world_of(similarity)
     hull = carve(carving.silhouettes, carving.cameras, resolution, frames=carving.frames)
     shares = coherence(hull, *views)
-    said = {carving.cameras.views[i] for i in range(len(carving.cameras))}
+    said = set(carving.cameras.views)
     unheard = [i for i, view in enumerate(views.cameras.views) if view not in said]
     return _Found(similarity, shares, np.array(unheard, int), np.zeros(len(shares)))
 
@@ -205,10 +205,11 @@ def _believe(found: _Found, views: _Views, keep_world: bool, resolution: int) ->
     wrong, parts = verdict.distrusted, verdict.disbelieved
     if not (wrong or verdict.corrected) or len(wrong) > MOST_WRONG * len(views.silhouettes):
         return None
-    kept = np.flatnonzero(verdict.reliability > 0)
+    kept = verdict.trusted
     whole = np.setdiff1d(kept, verdict.corrected)
     placing = views.select(whole if 2 * len(whole) > len(kept) else kept)
-    carving = views._replace(silhouettes=views.silhouettes | parts).select(kept)
+    filled, cameras, frames = verdict.believed(views.silhouettes, views.cameras, views.frames)
+    carving = _Views(cameras, filled, frames)
     again = _measure(views, placing, carving, keep_world, resolution)
     area = views.silhouettes.sum(axis=(1, 2))
     shares = np.where(verdict.reliability > 0, parts.sum(axis=(1, 2)) / area, 0)
@@ -222,7 +223,7 @@ def refuse_incoherent(
 
     Args:
         silhouettes: [views, height, width] bool, of the views that have a camera
-        frames: [views, 4] of their photographs within the images, as ``place`` takes them
+        frames: [views, 4] of their photographs within the images, as ``normalise`` takes them
     """
     if attempt.cameras is None:
         return attempt
