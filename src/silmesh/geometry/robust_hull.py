@@ -25,7 +25,6 @@ import numpy as np
 import torch
 from numba import njit
 from scipy import ndimage
-from skimage.measure import block_reduce
 
 from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
 from silmesh.geometry.frame import bound_object, is_cut, whole_frames
@@ -196,21 +195,16 @@ def _see(
         twice [views, small height, small width] bool
     """
     small, eyes = shrink(silhouettes, cameras, size)
-    points = hull.origin + (2 * np.argwhere(_solid(hull)) + 0.5) * hull.spacing
+    points = hull.origin + (2 * np.argwhere(hull.solid) + 0.5) * hull.spacing
     pixel = _project(eyes.projections.numpy(), points, small.shape[1], small.shape[2])
     return small, _cover(pixel, small[0].size).reshape(small.shape)
 
 
 def _scattered(hull: Hull) -> float:
     """The share of a hull's volume in all pieces but the largest, in blocks of two samples."""
-    pieces, _ = ndimage.label(_solid(hull), np.ones((3, 3, 3)))
+    pieces, _ = ndimage.label(hull.solid, np.ones((3, 3, 3)))
     volumes = np.bincount(pieces.ravel())[1:]
     return 1 - volumes.max() / volumes.sum()
-
-
-def _solid(hull: Hull) -> np.ndarray:
-    """Where any of two samples along each axis lies in a hull."""
-    return block_reduce(hull.field > 0, (2, 2, 2), np.max)
 
 
 def _look(silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray) -> _Looks:

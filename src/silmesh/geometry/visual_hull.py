@@ -19,12 +19,13 @@ cut off at the sphere that holds the object.
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 import torch
 from numba import njit
-from skimage.measure import marching_cubes
+from skimage.measure import block_reduce, marching_cubes
 
 from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
 from silmesh.geometry.frame import bound_object, open_frames
@@ -55,6 +56,11 @@ class Hull:
     def empty(self) -> bool:
         """Whether no sample lies in the hull: the cameras and silhouettes contradict each other."""
         return not (self.field > 0).any()
+
+    @cached_property
+    def solid(self) -> np.ndarray:
+        """Where any of two samples along each axis lies in the hull, [n / 2, n / 2, n / 2] bool."""
+        return block_reduce(self.field > 0, (2, 2, 2), np.max)
 
     def surface(self) -> tuple[np.ndarray, np.ndarray]:
         """The hull as a closed mesh: vertices [verts, 3] in the world, faces [faces, 3]."""
