@@ -6,9 +6,7 @@ Here the masks are its photographs, and stand for what either would find.
 """
 
 import json
-import sys
 import time
-from contextlib import redirect_stdout
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -17,6 +15,7 @@ import numpy as np
 import trimesh
 from reverse3d.reconstruction import silhouette
 from scipy.spatial.transform import Rotation
+from stress_lines import answer_lines
 
 MOST = 176  # samples along each side of its cube: its default, for photographs of 640 pixels
 FINE = 1.75  # of them for a pixel of smaller images, where they lie a pixel apart at the object
@@ -90,15 +89,7 @@ def main() -> None:
     """Answer each line of standard input."""
     cv2.setNumThreads(1)
     silhouette._coarse_grabcut = read_in_box
-    answers = sys.stdout
-    for line in sys.stdin:
-        folder, made = map(Path, json.loads(line))
-        with redirect_stdout(sys.stderr):
-            try:
-                answer = carve(folder, made)
-            except Exception as error:  # it refuses by exceptions of its own
-                answer = {"verdict": "refused", "said": f"{type(error).__name__}: {error}"}
-        print(json.dumps(answer), file=answers, flush=True)
+    answer_lines(carve, "refused")  # it refuses by exceptions of its own
 
 
 if __name__ == "__main__":

@@ -5,12 +5,11 @@ writes ``mesh.ply``, in the world of the case's cameras, and prints one line of 
 """
 
 import json
-import sys
 import time
-from contextlib import redirect_stdout
 from pathlib import Path
 
 import torch
+from stress_lines import answer_lines
 
 import silmesh
 from silmesh.cli.outcome import describe, find_doubts
@@ -51,15 +50,7 @@ def name_wrong(told: dict) -> list[str]:
 def main() -> None:
     """Answer each line of standard input."""
     torch.set_num_threads(1)
-    answers = sys.stdout
-    for line in sys.stdin:
-        folder, made = map(Path, json.loads(line))
-        with redirect_stdout(sys.stderr):
-            try:
-                answer = reconstruct(folder, made)
-            except Exception as error:  # a fault of the program, which is a finding
-                answer = {"verdict": "crashed", "said": f"{type(error).__name__}: {error}"}
-        print(json.dumps(answer), file=answers, flush=True)
+    answer_lines(reconstruct, "crashed")  # by a fault of the program, which is a finding
 
 
 if __name__ == "__main__":
