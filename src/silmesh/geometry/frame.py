@@ -18,6 +18,11 @@ import numpy as np
 WHOLE = 4  # silhouettes that no frame cuts, from which on the others are not needed to see it whole
 
 
+def find_shown(silhouettes: np.ndarray) -> np.ndarray:
+    """Positions of the views whose silhouette is not empty; an empty one says nothing."""
+    return np.flatnonzero(silhouettes.any(axis=(1, 2)))
+
+
 def whole_frames(silhouettes: np.ndarray) -> np.ndarray:
     """The frames of photographs that fill their images [views, height, width]: [views, 4]."""
     count, height, width = silhouettes.shape

@@ -9,6 +9,7 @@ import numpy as np
 from silmesh.cameras.attempt import TRY_CALIBRATE, Attempt
 from silmesh.errors import InputError
 from silmesh.geometry.camera import Cameras, Similarity
+from silmesh.geometry.frame import find_shown
 from silmesh.geometry.robust_hull import robust_carve
 from silmesh.geometry.silhouette_iou import coherence
 from silmesh.geometry.thresholds import COHERENT, REFUSED
@@ -59,11 +60,6 @@ class Normalised:
         By it cameras are compared and refused, since wrong ones agree with a few views by chance.
         """
         return float(np.delete(self.coherence, self.empty).mean())
-
-
-def find_shown(silhouettes: np.ndarray) -> np.ndarray:
-    """Positions of the views whose silhouette is not empty; an empty one says nothing."""
-    return np.flatnonzero(silhouettes.any(axis=(1, 2)))
 
 
 def normalise(

@@ -9,10 +9,11 @@ import numpy as np
 
 from silmesh.cameras.attempt import CHECK_SERIES, FILE, TRY_CALIBRATE, Attempt
 from silmesh.errors import InputError, blaming, name_some
+from silmesh.geometry.frame import find_shown
 from silmesh.geometry.thresholds import COHERENT
 from silmesh.geometry.undistortion import Undistorted
 from silmesh.geometry.visual_hull import find_outlier_views
-from silmesh.scene.agreement import Normalised, choose, find_shown, refused_or
+from silmesh.scene.agreement import Normalised, choose, refused_or
 from silmesh.scene.conventions import settle
 from silmesh.scene.diagnosis import MEASURED, diagnose
 from silmesh.scene.outliers import LEAST

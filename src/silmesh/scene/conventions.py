@@ -26,9 +26,10 @@ from silmesh.cameras.attempt import (
 )
 from silmesh.errors import InputError
 from silmesh.geometry.camera import OPENGL, Cameras
+from silmesh.geometry.frame import find_shown
 from silmesh.geometry.thresholds import COHERENT, REFUSED
 from silmesh.geometry.undistortion import undistort
-from silmesh.scene.agreement import FEWEST, NEAR, Normalised, find_shown, normalise
+from silmesh.scene.agreement import FEWEST, NEAR, Normalised, normalise
 from silmesh.scene.scene import find_middles, find_object
 
 FITS = 0.8  # least hull IoU of another convention that is named

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import ndimage
 
 from silmesh.errors import name_some
-from silmesh.geometry.frame import is_cut
+from silmesh.geometry.frame import find_shown, is_cut
 from silmesh.scene.series import (
     LEAST,
     Series,
@@ -54,7 +54,7 @@ def diagnose(
     if coherent:
         cut = is_cut(silhouettes, [view.frame for view in views])
         return describe_cut(silhouettes, views) if cut.sum() >= MANY * len(views) else []
-    shown = np.flatnonzero(silhouettes.any(axis=(1, 2)))
+    shown = find_shown(silhouettes)
     outlined, named = silhouettes[shown], [views[i] for i in shown]
     shapes = _describe_shapes(views)
     found = [*shapes, *describe_cut(silhouettes, views), *_describe_empty(silhouettes, views)]

@@ -74,7 +74,7 @@ def judge_scene(
         InputError: too few views would be left
     """
     notes, views = scene.notes, scene.cameras.views
-    frames = np.array([notes["frames"][view] for view in views])
+    frames = scene.frames
 
     def segment(outliers: Sequence[int], inliers: Sequence[int]) -> np.ndarray:
         shown = [scene.images[views[i]] for i in outliers]

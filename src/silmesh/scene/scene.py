@@ -26,7 +26,7 @@ from silmesh.geometry.camera import (
     read_cameras,
     write_cameras,
 )
-from silmesh.geometry.frame import find_whole, is_cut
+from silmesh.geometry.frame import find_shown, find_whole, is_cut
 from silmesh.geometry.undistortion import Undistorted
 from silmesh.geometry.whereabouts import find_body
 from silmesh.silhouettes import encode, read_silhouettes
@@ -66,7 +66,7 @@ class Scene:
 
     def without_empty(self) -> "Scene":
         """The same without the views whose silhouette is empty; the scene itself if none is."""
-        shown = np.flatnonzero(self.silhouettes.any(axis=(1, 2)))
+        shown = find_shown(self.silhouettes)
         if len(shown) == len(self.silhouettes):
             return self
         return replace(

@@ -7,9 +7,9 @@ import torch
 import trimesh
 
 from silmesh.files import replacing
+from silmesh.geometry.frame import find_shown
 from silmesh.geometry.visual_hull import carve
 from silmesh.report.rings import draw_rings
-from silmesh.scene.agreement import find_shown
 from silmesh.scene.scene import SILHOUETTES, find_frames, read_scene
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import output_file, parser, run
