@@ -321,3 +321,18 @@ def test_a_parent_that_is_not_there_is_called_no_file(tmp_path, monkeypatch):
     with pytest.raises(InputError, match=r"^new/\.\./mesh\.ply: cannot be written: new/\.\.: "):
         try_file(Path("new/../mesh.ply"))
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="Linux tells what has ended")
+def test_what_a_process_left_that_nobody_waited_for_is_removed(tmp_path):
+    """It has ended, although the system still knows it."""
+    process = subprocess.Popen([sys.executable, "-c", ""])
+    os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
+    with replacing(tmp_path / "out") as part:
+        part.write_text("one")
+        name = part.name.replace(f"-{os.getpid()}-", f"-{process.pid}-")
+    (tmp_path / name).write_text("half")
+    with replacing(tmp_path / "out") as part:
+        part.write_text("two")
+    process.wait()
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]

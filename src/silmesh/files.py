@@ -125,14 +125,19 @@ def _name_part(path: Path) -> Path:
 def _is_alive(pid: int) -> bool:
     try:
         os.kill(pid, 0)
-        stat = Path(f"/proc/{pid}/stat")  # of Linux, which keeps a process until it was waited for
-        if stat.exists() and stat.read_text().rpartition(")")[2].split()[0] == "Z":
-            return False
     except (ProcessLookupError, OverflowError):
         return False
     except PermissionError:  # another user's
         return True
-    return True
+    return not _is_zombie(pid)
+
+
+def _is_zombie(pid: int) -> bool:
+    """Whether a process has ended and nobody has waited for it yet, as Linux tells."""
+    with suppress(OSError):
+        state = Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()[0]
+        return state == b"Z"
+    return False
 
 
 def _discard(part: Path) -> None:
