@@ -5,7 +5,7 @@ import os
 import signal
 import subprocess
 import sys
-import time
+from glob import glob
 from pathlib import Path
 from typing import get_args
 
@@ -17,6 +17,7 @@ import trimesh
 from click.shell_completion import ShellComplete
 from click.testing import CliRunner
 from PIL import Image
+from processes import wait_for
 from scenes import silhouettes, turntable
 from surroundings import look_around, surround
 
@@ -182,10 +183,8 @@ def test_photographs_to_a_mesh_and_on_after_an_interruption(tmp_path):
 
     stopped = start(tmp_path, photos, *known)
     cache = tmp_path / "cache"
-    until = time.monotonic() + 120
-    while not list(cache.rglob("logs/silhouettes")):  # the step after the working images
-        assert time.monotonic() < until
-        time.sleep(0.1)
+    begun = str(cache / "objects/*/logs/silhouettes")  # the step after the working images
+    assert wait_for(lambda: glob(begun))
     stopped.send_signal(signal.SIGTERM)
     _, told = stopped.communicate(timeout=60)
     assert stopped.returncode == 130
