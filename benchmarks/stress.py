@@ -25,6 +25,7 @@ from pathlib import Path
 import numpy as np
 import torch
 import trimesh
+from calibrate import axis_at
 from scenery import silhouettes
 from stress_cases import DAMAGES, REAL, SCANS, Case, damage_case, make_clean, name_cell, write_case
 from stress_table import tabulate
@@ -35,6 +36,7 @@ from silmesh.evaluation.registration import register
 from silmesh.files import replacing
 from silmesh.fitting.loop import run
 from silmesh.fitting.softras import SoftRas
+from silmesh.geometry.camera import Cameras
 from silmesh.geometry.mesh_files import to_tensors
 from silmesh.geometry.overlap import iou
 from silmesh.geometry.visual_hull import carve
@@ -49,21 +51,22 @@ METHODS = ("hull", "ellipsoid", "today", "silmesh", "rival")
 LONGEST = 600  # seconds of one case in such a process
 
 
-def read_given(case: Case) -> tuple[np.ndarray, object]:
-    """The masks that are not empty, cropped to the frame that all photographs share."""
+def read_given(case: Case) -> tuple[np.ndarray, Cameras, np.ndarray]:
+    """The masks that are not empty, without the padding around them, their cameras and frames."""
     shown = np.flatnonzero(case.given_masks.any(axis=(1, 2))).tolist()
-    return crop(case.given_masks[shown], case.given_cameras.select(shown), case.frames[0])
+    return crop(case.given_masks[shown], case.given_cameras.select(shown), case.frames[shown])
 
 
 def carve_hull(case: Case, steps: int) -> trimesh.Trimesh | None:
     """The strict visual hull, every piece of it; None if it is empty."""
-    hull = carve(*read_given(case))
+    masks, cameras, frames = read_given(case)
+    hull = carve(masks, cameras, frames=frames)
     return None if hull.empty else trimesh.Trimesh(*hull.surface(), process=False)
 
 
 def fit_ellipsoid(case: Case, steps: int) -> trimesh.Trimesh:
     """What the preset softras makes of an ellipsoid in so many steps."""
-    masks, cameras = read_given(case)
+    masks, cameras, _ = read_given(case)
     first = make_initial_mesh(Init(shape="ellipsoid"), masks, cameras).mesh
     target = torch.tensor(masks, dtype=torch.float32)
     fit = SoftRas(*to_tensors(first), cameras, target, SoftRasFit(iterations=steps))
@@ -165,6 +168,16 @@ def count_named(case: Case, named: list[str]) -> dict:
     }
 
 
+def measure_turntable(case: Case, found: dict[str, float]) -> dict:
+    """How far the axis that was found is off, in pixels, and the elevation, in degrees."""
+    ahead = case.cameras.R[0, 2]
+    elevation = float(torch.rad2deg(torch.asin(-ahead[1])))
+    return {
+        "axis_off": abs(found["axis"] - axis_at(case.cameras, found["row"])),
+        "elevation_off": abs(found["elevation"] - elevation),
+    }
+
+
 def measure_inside(case: Case, method: str, steps: int) -> dict:
     """A cell of a method of this process."""
     start, said = time.perf_counter(), "it is empty"
@@ -184,7 +197,8 @@ def measure_outside(case: Case, worker: Worker, made: Path, size: int, calibrate
     told = worker.ask(made.parent.resolve(), made.resolve())
     mesh = trimesh.load(made, process=False) if made.exists() else None
     named = count_named(case, told["named"]) if "named" in told else {}
-    return {**told, **measure_mesh(case, mesh, calibrated), **named}
+    turned = measure_turntable(case, told["turntable"]) if told.get("turntable") else {}
+    return {**told, **measure_mesh(case, mesh, calibrated), **named, **turned}
 
 
 def measure(

@@ -34,19 +34,35 @@ def _tabulate_one(about: str, rows: Mapping[str, Mapping[str, Cells]]) -> str:
     judged = [method for method in JUDGED if method in there]
     heads = ["damage", *methods, *(f"{method}: verdicts" for method in judged)]
     heads += [f"{method}: wrong named / others" for method in judged]
+    turned = [method for method in judged if _find_turned(rows, method)]
+    heads += [f"{method}: axis / elevation off" for method in turned]
     heads += [f"{method}: missed" for method in judged]
     objects = sorted({name for row in rows.values() for name in row})
     lines = [f"{about}; {', '.join(objects)}", ""]
     lines += ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
-    lines += [_row(cell, row, methods, judged) for cell, row in rows.items() if any(row.values())]
+    lines += [
+        _row(cell, row, methods, judged, turned) for cell, row in rows.items() if any(row.values())
+    ]
     return "\n".join(lines)
 
 
-def _row(cell: str, row: Mapping[str, Cells], methods: list[str], judged: list[str]) -> str:
+def _find_turned(rows: Mapping[str, Mapping[str, Cells]], method: str) -> bool:
+    """Whether a turntable was found in any cell of a method."""
+    return any("axis_off" in c.get(method, {}) for row in rows.values() for c in row.values())
+
+
+def _row(
+    cell: str,
+    row: Mapping[str, Cells],
+    methods: list[str],
+    judged: list[str],
+    turned: list[str],
+) -> str:
     words = [cell]
     words += [_figures([cells[m] for cells in row.values() if m in cells]) for m in methods]
     for say in (_verdicts, _named):
         words += [say([cells[m] for cells in row.values() if m in cells]) for m in judged]
+    words += [_turntable([cells[m] for cells in row.values() if m in cells]) for m in turned]
     for method in judged:
         missed = [
             f"{name} {word}" for name, cells in row.items() for word in judge_cell(cells, method)
@@ -78,3 +94,12 @@ def _named(made: list[Mapping]) -> str:
         for name in ("recall", "false_alarms")
     ]
     return " / ".join(f"{np.mean(share):.0%}" if share else "–" for share in shares)
+
+
+def _turntable(made: list[Mapping]) -> str:
+    """The largest errors of the objects' axes, in pixels, and elevations, in degrees."""
+    made = [one for one in made if "axis_off" in one]
+    if not made:
+        return "–"
+    axis, elevation = (max(one[k] for one in made) for k in ("axis_off", "elevation_off"))
+    return f"{axis:.2f} / {elevation:.2f}"

@@ -34,6 +34,7 @@ def reconstruct(folder: Path, made: Path) -> dict:
         "verdict": "doubtful" if doubts else "good",
         "said": "\n".join([describe(made, metrics, doubts), *doubts]),
         "named": name_wrong(result.scene.describe()),
+        "turntable": name_turntable(result.scene.describe()),
         "iou_given": metrics["iou_mean"],
         "hull_iou": metrics["hull_iou_mean"],
         "initial": metrics["first"],
@@ -45,6 +46,15 @@ def name_wrong(told: dict) -> list[str]:
     """The views that are doubted, left out or believed less."""
     less = [view for view, weight in told.get("weights", {}).items() if weight < 1]
     return sorted({*told["doubtful"], *told["dropped"], *less})
+
+
+def name_turntable(told: dict) -> dict[str, float] | None:
+    """Axis and row in pixels, elevation in degrees, as ``calibrate`` finds them, if it does."""
+    figures = told.get("figures", {})
+    if "estimates" not in figures:
+        return None
+    found = {name: figures["estimates"][name]["value"] for name in ("axis", "elevation")}
+    return {**found, "row": figures["row"]}
 
 
 def main() -> None:

@@ -4,8 +4,15 @@ from argparse import ArgumentTypeError
 from dataclasses import replace
 
 import pytest
-from stress import count_named, measure_mesh, parse_damage
-from stress_cases import DAMAGES, make_clean
+from stress import (
+    INSIDE,
+    count_named,
+    measure_inside,
+    measure_mesh,
+    measure_turntable,
+    parse_damage,
+)
+from stress_cases import DAMAGES, damage_case, make_clean
 
 
 @pytest.fixture(scope="module")
@@ -29,8 +36,22 @@ def test_the_truth_itself_measures_as_perfect(clean):
     assert told["pieces"] == 1
 
 
+@pytest.mark.parametrize("method", INSIDE)
+@pytest.mark.parametrize("damage", [("clean", ()), ("cut", (0.3,)), ("empty", (0.3,))])
+def test_simpler_ways_bear_frames_and_empty_masks(clean, method, damage):
+    told = measure_inside(damage_case(clean, *damage, seed=0), method, steps=20)
+    assert told["verdict"] == "made"
+    assert told["iou"] > 0.8
+
+
 def test_recall_and_false_alarms_are_shares_of_wrong_and_right_views(clean):
     views = clean.cameras.views
     told = count_named(replace(clean, wrong=(0, 1)), [views[1], views[2]])
     assert told == {"recall": 1 / 2, "false_alarms": 1 / 4}
     assert count_named(clean, [])["recall"] is None
+
+
+def test_a_turntable_is_compared_with_the_true_axis_and_elevation():
+    ring = make_clean("apricot", 6, 48, ring=True)  # from 10 degrees, the axis in the middle
+    told = measure_turntable(ring, {"axis": 24.5, "row": 10.0, "elevation": 8.0})
+    assert told == pytest.approx({"axis_off": 0.5, "elevation_off": 2.0})

@@ -31,3 +31,15 @@ def test_a_row_has_mean_and_least_iou_volume_verdicts_and_misses():
         "| bites | 0.700 (0.500) / 0.500 | 0.700 (0.600) / 0.500 | 1 good, 1 refused | 50% / 0% "
         "| bear below |"
     )
+
+
+def test_a_turntable_has_the_largest_errors_of_the_objects():
+    cells = {
+        "bear": {"silmesh": _cell(0.9, "good", axis_off=0.5, elevation_off=0.25)},
+        "pot": {"silmesh": _cell(0.9, "good", axis_off=0.125, elevation_off=1.0)},
+    }
+    refused = {"bear": {"silmesh": _cell(0.0, "refused")}}
+    lines = tabulate({"36 views, calibrate": {"clean": cells, "bites": refused}}).splitlines()
+    assert "| silmesh: axis / elevation off |" in lines[2]
+    assert "| 0.50 / 1.00 |" in lines[4]
+    assert lines[5].split("|")[5].strip() == "–"
