@@ -10,7 +10,7 @@ import torch
 from scenes import names, silhouettes, turntable
 
 from silmesh.cameras.stages import LARGEST, MODEL, Report, make_stage
-from silmesh.scene.motion import judge_model
+from silmesh.scene.motion import judge_model, went_well
 from silmesh.views import place_view
 
 SIZE, COUNT, KEPT = 64, 12, 8
@@ -87,3 +87,17 @@ def test_a_wrong_completion_is_not_taken(ring, tmp_path):
     assert attempt.figures["coherence"] > 0.95 > attempt.figures["coherence_completed"]
     assert "the model that was completed to 12 views is not taken" in attempt.warnings[-1]
     assert list(attempt.dropped) == names(COUNT)[KEPT:]
+
+
+def test_cameras_that_the_background_drew_aside_did_not_go_well(ring, tmp_path):
+    """Two of twelve stand a quarter of a turn off: the hull of the others fills the rest."""
+    cameras, seen = ring
+    aside = [*range(COUNT - 2), *((i + COUNT // 4) % COUNT for i in range(COUNT - 2, COUNT))]
+    wrong = replace(cameras.select(aside), views=cameras.views)
+    right, drawn = (
+        judge_model("colmap", make_model(tmp_path / name, made, made), VIEWS, seen)
+        for name, made in (("right", cameras), ("wrong", wrong))
+    )
+    assert went_well(right)
+    assert drawn.figures["contradicted"] == names(COUNT)[-2:]
+    assert not went_well(drawn)

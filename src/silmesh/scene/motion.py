@@ -153,6 +153,16 @@ def _judge(
     return refuse_incoherent(attempt, silhouettes[kept], frames)
 
 
+def went_well(attempt: Attempt) -> bool:
+    """Whether all its cameras agree with the silhouettes.
+
+    Where the silhouettes of some views contradict the others, these cameras may be wrong as well
+    as the silhouettes: a background that stands still draws some aside, where the object turns.
+    """
+    figures = attempt.figures
+    return figures.get("coherence", 0.0) >= COHERENT and not figures.get("contradicted")
+
+
 def attempt_masked(
     features: Path,
     views: Sequence[View],
@@ -172,8 +182,8 @@ def attempt_masked(
         scratch: an existing folder for the stages
         unmasked: the attempt without masks, if there is one
     """
-    coherence = unmasked.figures.get("coherence", 0.0) if unmasked else 0.0
-    if coherence >= COHERENT:
+    if unmasked is not None and went_well(unmasked):
+        coherence = unmasked.figures["coherence"]
         why = f"not tried, for without masks the hull IoU is {coherence:.3f}"
         return Attempt(MASKED, None, refusal=why)
     inside = scratch / "features"
