@@ -28,7 +28,7 @@ import trimesh
 from calibrate import axis_at
 from scenery import silhouettes
 from stress_cases import DAMAGES, REAL, SCANS, Case, damage_case, make_clean, name_cell, write_case
-from stress_table import tabulate
+from stress_table import JUDGED, tabulate, tabulate_objects
 
 from silmesh.errors import InputError
 from silmesh.evaluation.ground_truth import compare_to_truth
@@ -288,13 +288,15 @@ def main() -> None:
     args.add_argument("--work", type=Path, default=Path("results/stress"), help="folder of cases")
     args.add_argument("--again", nargs="+", choices=METHODS, default=[], help="measure them anew")
     args.add_argument("--only-kept", action="store_true", help="measure nothing")
+    args.add_argument("--by-object", choices=JUDGED, help="show this method, object by object")
     given = args.parse_args()
     if given.cameras == "calibrate":
         given.methods = [method for method in given.methods if method in ("today", "silmesh")]
         if strange := [name for name in given.objects if name in REAL]:
             args.error(f"--cameras calibrate needs a truth; {', '.join(strange)} have none")
     torch.set_num_threads(1)
-    print(tabulate(read_kept(given.json) if given.only_kept else measure_all(given)))
+    kept = read_kept(given.json) if given.only_kept else measure_all(given)
+    print(tabulate_objects(kept, given.by_object) if given.by_object else tabulate(kept))
 
 
 if __name__ == "__main__":

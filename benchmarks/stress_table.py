@@ -46,6 +46,36 @@ def _tabulate_one(about: str, rows: Mapping[str, Mapping[str, Cells]]) -> str:
     return "\n".join(lines)
 
 
+def tabulate_objects(kept: Mapping[str, Mapping[str, Mapping[str, Cells]]], method: str) -> str:
+    """The tables of one method, object by object, as ``_show_cell`` shows each."""
+    return "\n\n".join(_tabulate_objects(*one, method) for one in kept.items())
+
+
+def _tabulate_objects(about: str, rows: Mapping[str, Mapping[str, Cells]], method: str) -> str:
+    objects = sorted({name for row in rows.values() for name in row if method in row[name]})
+    lines = [f"{about}; {method}", "", f"| damage | {' | '.join(objects)} |"]
+    lines += ["|---" * (1 + len(objects)) + "|"]
+    for cell, row in rows.items():
+        shown = [_show_cell(row.get(name, {}), method) for name in objects]
+        if any(word != "–" for word in shown):
+            lines += [f"| {cell} | {' | '.join(shown)} |"]
+    return "\n".join(lines)
+
+
+def _show_cell(cells: Cells, method: str) -> str:
+    """IoU, the best of the others' in brackets, volume IoU, a ``d`` if doubtful; bold if missed."""
+    made = cells.get(method)
+    if made is None:
+        return "–"
+    if made["verdict"] in ("refused", "crashed"):
+        return f"**{made['verdict']}**"
+    others = [cells[name]["iou"] for name in BESIDE if name in cells and name != method]
+    word = f"{made['iou']:.3f}" + (f" ({max(others):.3f})" if others else "")
+    word += f" / {made['volume_iou']:.3f}" if made.get("volume_iou") is not None else ""
+    word += " d" * (made["verdict"] == "doubtful")
+    return f"**{word}**" if judge_cell(cells, method) else word
+
+
 def _find_turned(rows: Mapping[str, Mapping[str, Cells]], method: str) -> bool:
     """Whether a turntable was found in any cell of a method."""
     return any("axis_off" in c.get(method, {}) for row in rows.values() for c in row.values())

@@ -1,6 +1,6 @@
 """What the tables of the stress benchmark call a miss."""
 
-from stress_table import judge_cell, tabulate
+from stress_table import judge_cell, tabulate, tabulate_objects
 
 
 def _cell(iou, verdict="made", **others):
@@ -43,3 +43,15 @@ def test_a_turntable_has_the_largest_errors_of_the_objects():
     assert "| silmesh: axis / elevation off |" in lines[2]
     assert "| 0.50 / 1.00 |" in lines[4]
     assert lines[5].split("|")[5].strip() == "–"
+
+
+def test_objects_stand_beside_each_other_with_the_best_of_the_others():
+    cells = {
+        "bear": {"hull": _cell(0.9), "today": _cell(0.95), "silmesh": _cell(0.93, "doubtful")},
+        "pot": {"silmesh": _cell(0.875, "good")},
+        "axe": {"silmesh": _cell(0.0, "refused")},
+        "tube": {"hull": _cell(0.9)},
+    }
+    lines = tabulate_objects({"24 views": {"bites": cells}}, "silmesh").splitlines()
+    assert lines[2] == "| damage | axe | bear | pot |"
+    assert lines[4] == ("| bites | **refused** | **0.930 (0.950) / 0.500 d** | 0.875 / 0.500 |")
