@@ -2,6 +2,7 @@
 
 import math
 
+import damage
 import numpy as np
 import pytest
 import torch
@@ -375,6 +376,14 @@ def test_bitten_silhouettes_have_no_say_and_are_named(plane):
     assert found.cameras.views == cameras.views
     assert found.warnings[0].startswith("the silhouettes of 5 of 24 views disagree")
     assert f"'v2' (it disagrees by {found.view_rms[2]:.2g} pixels)" in found.warnings[0]
+
+
+@pytest.mark.slow
+def test_bites_in_small_images_leave_a_turntable():
+    """Seven of 36 views are bitten at random; outlines of 64 pixels are rough themselves."""
+    cameras = stand(10 * np.arange(36), elevation=10, roll=0, half_angle=16, shift=(0, 0), size=64)
+    bitten, _ = damage.bite(render("plane", cameras), 0.15, 0.2, seed=0)
+    assert_found(calibrate(bitten, cameras.views), cameras, 10)
 
 
 def test_wrong_silhouettes_are_named_and_empty_ones_are_not(plane):
