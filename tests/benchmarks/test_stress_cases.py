@@ -62,6 +62,14 @@ def test_every_damage_leaves_the_truth_and_names_its_cell(clean, kind):
     assert all(names)
 
 
+@pytest.mark.parametrize("ring", [False, True])
+def test_another_object_is_never_the_object_itself(ring):
+    """Every other view of the two rings from which strangers are seen lies on the one ring."""
+    plane = make_clean("plane", VIEWS, SIZE, ring)
+    case = damage_case(plane, "other", (1.0,), seed=1)
+    assert (case.given_masks != case.masks).any(axis=(1, 2)).all()
+
+
 def test_the_worker_makes_a_mesh_of_a_case_and_says_how_good_it_is(clean, tmp_path):
     write_case(clean, tmp_path, SIZE, calibrated=False)
     told = reconstruct(tmp_path, tmp_path / "mesh.ply")
