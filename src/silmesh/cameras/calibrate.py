@@ -343,7 +343,7 @@ def _estimate(
     noise = max(NOISE, root_mean_square(misses.pixels[turn.outlines.known]))
     turn = turn.sparse()
     slopes = turn.slopes(fit.x, turn.misses(fit.x))
-    slopes[..., : len(NAMES)] = turn.secants(fit.x)
+    slopes[..., : turn.shared] = turn.secants(fit.x)
     data = slopes.reshape(-1, len(fit.x))[:, free]
     _, prior_sd = turn.prior()
     weight = INDEPENDENT / turn.outlines.known.shape[1] / noise**2

@@ -16,7 +16,7 @@ from scipy.optimize import OptimizeResult
 
 from silmesh.cameras.consensus import Consensus, find_consensus, judge
 from silmesh.cameras.silhouette_coherence import Misses
-from silmesh.cameras.turntable_residuals import ELEVATION, NAMES, NOISE, STEP, Turntable, mirrored
+from silmesh.cameras.turntable_residuals import ELEVATION, NOISE, STEP, Turntable
 from silmesh.progress import Share, untold, within
 
 # Elevation and half angle of view, in degrees, from which the search starts.
@@ -102,13 +102,13 @@ def fit_most(
     suspect, allowed = (limit * turn.size / 256 for limit in (SUSPECT, REFUSED_AGREEING))
     starts = _search(turn, given, within(progress, 0, SEARCHED))
     thin = turn.thin()
-    cost = thin.cost(np.r_[starts[0][: len(NAMES)], np.zeros(len(thin.index))])
+    cost = thin.cost(thin.widen(starts[0]))
     fit = _solve(turn, starts, given, progress) if cost <= HOPELESS * suspect else None
     if len(turn.index) < FEWEST_AGREEING or (fit and fit.rms <= suspect):
         return fit or _solve(turn, starts, given, progress), None
     verdict = find_consensus(
         turn,
-        lambda sample: _search(sample, given)[0][: len(NAMES)],
+        lambda sample: _search(sample, given)[0][: sample.shared],
         free_parameters(turn, given.known),
         allowed,
         np.random.default_rng(0),
@@ -140,8 +140,8 @@ def _solve(
 
 def free_parameters(turn: Turntable, known: Sequence[int], offsets: bool = False) -> np.ndarray:
     """Positions of the parameters that a fit may change."""
-    free = [i for i in range(len(NAMES)) if i not in known]
-    return np.array(free + [len(NAMES) + i for i in range(len(turn.index)) if offsets])
+    free = [i for i in range(turn.shared) if i not in known]
+    return np.array(free + [turn.shared + i for i in range(len(turn.index)) if offsets])
 
 
 def _search(turn: Turntable, given: Given, progress: Share = untold) -> list[np.ndarray]:
@@ -165,8 +165,7 @@ def _search(turn: Turntable, given: Given, progress: Share = untold) -> list[np.
         progress(len(found) / len(ways))
     found.sort(key=lambda pair: pair[0])
     most = RIVAL * found[0][0] + NOISE**2
-    best = [x[: len(NAMES)] for cost, x in found[:RIVALS] if cost < most]
-    return [np.concatenate([x, np.zeros(len(turn.index))]) for x in best]
+    return [turn.widen(x) for cost, x in found[:RIVALS] if cost < most]
 
 
 def _refine(
@@ -192,15 +191,14 @@ def _resolve_mirror(
         the fits, the mirrored one first if it is clearly better, and what decided
     """
     best, thin = fits[0], turn.thin()
-    part = free[free < len(NAMES)]
+    part = free[free < turn.shared]
 
     def refine(x: np.ndarray) -> np.ndarray:
-        start = np.concatenate([x[: len(NAMES)], np.zeros(len(thin.index))])
-        return thin.fit(start, part, COARSE_STEPS).x
+        return thin.fit(thin.widen(x), part, COARSE_STEPS).x
 
-    cost, other = (thin.cost(refine(x)) for x in (best.x, mirrored(best.x)))
+    cost, other = (thin.cost(refine(x)) for x in (best.x, turn.mirrored(best.x)))
     if other < cost:
-        twin = turn.fit(mirrored(best.x), free, FINE_STEPS)
+        twin = turn.fit(turn.mirrored(best.x), free, FINE_STEPS)
         cost, other = turn.cost(best.x), turn.cost(twin.x)
         if turn.excess(other, cost) > CLEAR:
             return [twin, *fits], "perspective"
@@ -223,7 +221,7 @@ def _fit_offsets(turn: Turntable, fit: OptimizeResult, known: Sequence[int]) -> 
     """
     count = turn.outlines.known.shape[1]
     fold = np.arange(count) * FOLDS // count % 2 == 0
-    own = len(NAMES) + np.arange(len(turn.index))
+    own = turn.shared + np.arange(len(turn.index))
     gains = []
     for fitted, held_out in (
         (turn.only(fold), turn.only(~fold)),
