@@ -86,9 +86,26 @@ def find_consensus(
             best = found
         if best.spread <= TIGHT:
             break
-    if best.agrees.sum() < FEWEST:
-        return best
-    return _prune(turn, _refit(turn, best, np.flatnonzero(best.agrees), free, limit), limit)
+    return _settle(turn, best, free, limit)
+
+
+def agree_on(
+    turn: Turntable, x: np.ndarray, believed: np.ndarray, free: np.ndarray, limit: float
+) -> Consensus:
+    """What most views agree on, from parameters that some of them gave.
+
+    Args:
+        believed: positions of the views that gave them
+        free, limit: as ``find_consensus`` takes them
+    """
+    return _settle(turn, _optimise(turn, x, believed, free, limit), free, limit)
+
+
+def _settle(turn: Turntable, found: Consensus, free: np.ndarray, limit: float) -> Consensus:
+    """What all that agree say, without those that do not agree with all the others."""
+    if found.agrees.sum() < FEWEST:
+        return found
+    return _prune(turn, _refit(turn, found, np.flatnonzero(found.agrees), free, limit), limit)
 
 
 def judge(

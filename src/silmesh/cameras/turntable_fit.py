@@ -16,7 +16,13 @@ from scipy.optimize import OptimizeResult
 
 from silmesh.cameras.consensus import Consensus, find_consensus, judge
 from silmesh.cameras.silhouette_coherence import Misses
-from silmesh.cameras.turntable_residuals import ELEVATION, NOISE, STEP, Turntable
+from silmesh.cameras.turntable_residuals import (
+    ELEVATION,
+    NOISE,
+    STEP,
+    Turntable,
+    place_of,
+)
 from silmesh.progress import Share, untold, within
 
 # Elevation and half angle of view, in degrees, from which the search starts.
@@ -51,18 +57,28 @@ class Given:
     Attributes:
         count: how many views there are, with an outline or without
         step, elevation, above_table: as ``silmesh.cameras.calibrate.calibrate`` takes them
+        later: the same of the rounds after the first
     """
 
     count: int
     step: float | None
     elevation: float | None
     above_table: bool
+    later: "tuple[Given, ...]" = ()
 
     @property
     def known(self) -> list[int]:
         """Positions of the parameters that are given."""
-        both = (ELEVATION, self.elevation), (STEP, self.step)
-        return [i for i, value in both if value is not None]
+        found = []
+        for number, one in enumerate((self, *self.later)):
+            both = (ELEVATION, one.elevation), (STEP, one.step)
+            found += [place_of(name, number) for name, value in both if value is not None]
+        return found
+
+    @property
+    def side_known(self) -> bool:
+        """Whether an elevation says on which side of the table the camera stood."""
+        return any(one.elevation is not None for one in (self, *self.later))
 
 
 @dataclass(frozen=True)
@@ -100,15 +116,15 @@ def fit_most(
         the fit, and how far the views agree if that had to be asked
     """
     suspect, allowed = (limit * turn.size / 256 for limit in (SUSPECT, REFUSED_AGREEING))
-    starts = _search(turn, given, within(progress, 0, SEARCHED))
+    starts = search(turn, given, within(progress, 0, SEARCHED))
     thin = turn.thin()
     cost = thin.cost(thin.widen(starts[0]))
-    fit = _solve(turn, starts, given, progress) if cost <= HOPELESS * suspect else None
+    fit = solve(turn, starts, given, progress) if cost <= HOPELESS * suspect else None
     if len(turn.index) < FEWEST_AGREEING or (fit and fit.rms <= suspect):
-        return fit or _solve(turn, starts, given, progress), None
+        return fit or solve(turn, starts, given, progress), None
     verdict = find_consensus(
         turn,
-        lambda sample: _search(sample, given)[0][: sample.shared],
+        lambda sample: search(sample, given)[0][: sample.shared],
         free_parameters(turn, given.known),
         allowed,
         np.random.default_rng(0),
@@ -116,22 +132,22 @@ def fit_most(
     if verdict.agrees.sum() >= fewest and not verdict.agrees.all():
         agreeing = np.flatnonzero(verdict.agrees)
         part = turn.alone(agreeing)
-        apart = _solve(part, _search(part, given), given)
+        apart = solve(part, search(part, given), given)
         if apart.rms <= (min(allowed, BETTER_FIT * fit.rms) if fit else allowed):
             whole = part.of(turn.outlines, turn.index)
             strict = judge(whole, apart.best.x, agreeing, allowed, trusting=True)
             if strict.agrees.sum() >= fewest:
                 return apart, strict
-    return fit or _solve(turn, starts, given, progress), verdict
+    return fit or solve(turn, starts, given, progress), verdict
 
 
-def _solve(
+def solve(
     turn: Turntable, starts: Sequence[np.ndarray], given: Given, progress: Share = untold
 ) -> TurntableFit:
     """Refine starts on all views, and tell apart what fits as well."""
     free = free_parameters(turn, given.known)
     fits, mirror = _refine(turn, starts, free, within(progress, SEARCHED, REFINED)), "elevation"
-    if given.elevation is None:
+    if not given.side_known:
         fits, mirror = _resolve_mirror(turn, fits, free, given.above_table)
     progress(RESOLVED)
     best = _fit_offsets(turn, fits[0], given.known)
@@ -144,7 +160,7 @@ def free_parameters(turn: Turntable, known: Sequence[int], offsets: bool = False
     return np.array(free + [turn.shared + i for i in range(len(turn.index)) if offsets])
 
 
-def _search(turn: Turntable, given: Given, progress: Share = untold) -> list[np.ndarray]:
+def search(turn: Turntable, given: Given, progress: Share = untold) -> list[np.ndarray]:
     """Find starts to refine, on fewer views and points: [parameters] each.
 
     The best start is kept of each combination of rotation direction, side of the table and arc,

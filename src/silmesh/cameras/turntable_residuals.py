@@ -191,15 +191,10 @@ class Turntable:
         log_tan = math.log(math.tan(math.radians(half_angle)))
         return np.array([elevation, 0, self.column, log_tan, step] + [0] * len(self.index))
 
-    def part_of(self, number: int) -> slice:
-        """Where a round's own parameters stand; not of the first, whose are those of ``NAMES``."""
-        first = len(NAMES) + len(ROUND) * (number - 1)
-        return slice(first, first + len(ROUND))
-
     def parameters_of(self, x: np.ndarray, number: int) -> np.ndarray:
         """The parameters of a round, in the order of ``ROUND``."""
         if number:
-            return x[self.part_of(number)]
+            return x[part_of(number)]
         first = np.zeros(len(ROUND))
         first[OF_ROUND], first[ROW] = x[OF_FIRST], self.row
         return first
@@ -287,9 +282,7 @@ class Turntable:
 
     def of_rounds(self, name: int) -> list[int]:
         """Where a parameter that each round has stands: one of ``OF_FIRST``."""
-        within = OF_ROUND[OF_FIRST.index(name)]
-        later = range(1, len(self.rounds))
-        return [name, *(self.part_of(number).start + within for number in later)]
+        return [place_of(name, number) for number in range(max(1, len(self.rounds)))]
 
     def prior(self) -> tuple[np.ndarray, np.ndarray]:
         """Mean and standard deviation of the prior of each parameter: each [parameters]."""
@@ -299,7 +292,7 @@ class Turntable:
         mean = np.concatenate([self._each(PRIOR, ROUND_PRIOR), np.zeros(views)])
         mean[AXIS] = self.column
         for number in range(1, len(self.rounds)):
-            part = self.part_of(number)
+            part = part_of(number)
             mean[part][[2, ROW]] = self.middles[number]
             sd[part][ROW] = self.size / 10
         if self.distance is not None:  # the object's size is twice its reach
@@ -379,9 +372,20 @@ class Turntable:
         twin = x.copy()
         twin[self.of_rounds(ELEVATION)] *= -1
         twin[self.of_rounds(STEP)] *= -1
-        twin[[self.part_of(number).start + PHASE for number in range(1, len(self.rounds))]] *= -1
+        twin[[part_of(number).start + PHASE for number in range(1, len(self.rounds))]] *= -1
         twin[self.shared :] *= -1
         return twin
+
+
+def part_of(number: int) -> slice:
+    """Where a round's own parameters stand; not of the first, whose are those of ``NAMES``."""
+    first = len(NAMES) + len(ROUND) * (number - 1)
+    return slice(first, first + len(ROUND))
+
+
+def place_of(name: int, number: int) -> int:
+    """Where a parameter stands of a round: one of ``OF_FIRST``, which every round has."""
+    return part_of(number).start + OF_ROUND[OF_FIRST.index(name)] if number else name
 
 
 def rotate(elevation: float, roll: float, angles: np.ndarray) -> np.ndarray:

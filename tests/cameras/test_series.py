@@ -7,7 +7,7 @@ from torch import full, tensor
 from turns import LONG, ROUND, SIZE, turn
 
 from silmesh.cameras.turntable import orbit_cameras
-from silmesh.scene.series import (
+from silmesh.cameras.series import (
     alternates,
     find_gaps,
     find_rounds,
