@@ -6,7 +6,6 @@ from scenes import names, silhouettes
 from torch import full, tensor
 from turns import LONG, ROUND, SIZE, turn
 
-from silmesh.cameras.turntable import orbit_cameras
 from silmesh.cameras.series import (
     alternates,
     find_gaps,
@@ -15,6 +14,7 @@ from silmesh.cameras.series import (
     is_shuffled,
     prepare,
 )
+from silmesh.cameras.turntable import orbit_cameras
 
 
 def ends(seen: np.ndarray) -> list[tuple[int, int]]:

@@ -5,7 +5,7 @@ Nothing here knows of cameras: what is proposed is tried where cameras are found
 """
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from itertools import pairwise
@@ -13,13 +13,24 @@ from pathlib import Path
 
 import numpy as np
 
-from silmesh.cameras.series import ALIKE, LEAST, Series, alternates, find_rounds, prepare
+from silmesh.cameras.series import (
+    ALIKE,
+    LEAST,
+    Series,
+    alternates,
+    find_rounds,
+    is_shuffled,
+    prepare,
+)
+from silmesh.errors import InputError
+from silmesh.settings.turntable import Turntable
 from silmesh.views import View, open_image
 
 MOST = 6  # rounds that are looked for
 # Numbers in names, and pauses, tell rounds apart if they are PAUSE times every other one; pauses
 # have MINUTE seconds at least.
 PAUSE, MINUTE = 5.0, 60.0
+SILHOUETTES = "their silhouettes"
 EXIF, TAKEN = 0x8769, 36867  # the directory of EXIF in which the time stands
 # Two parts of a series differ in height if their means do by so many deviations of the parts.
 RISEN = 1.5
@@ -50,10 +61,12 @@ class Split:
     Attributes:
         rounds: the positions of the photographs of each, in the order of its turn
         because: what tells them apart, in words
+        by_silhouettes: whether only the silhouettes do
     """
 
     rounds: tuple[np.ndarray, ...]
     because: str
+    by_silhouettes: bool = False
 
 
 def read_signs(views: Sequence[View]) -> Signs:
@@ -83,6 +96,81 @@ def propose(silhouettes: np.ndarray, signs: Signs | None = None) -> list[Split]:
     return kept
 
 
+def find_given(
+    known: Sequence[Turntable], silhouettes: np.ndarray, signs: Signs | None = None
+) -> Split:
+    """Where the rounds begin of which something is known.
+
+    Args:
+        known: of each round; their numbers of photographs, or their steps, tell where they begin,
+            or what the photographs show
+        silhouettes, signs: as ``propose`` takes them
+
+    Raises:
+        InputError: the photographs are not so many, or do not fall in so many rounds, or those of
+            a round are not in order
+    """
+    found = _divide(known, silhouettes, signs)
+    for number, turn in enumerate(found.rounds, start=1):
+        if not is_in_order(silhouettes[turn]):
+            raise InputError(
+                f"cameras 'calibrate': round {number} of the {len(known)} that turntable names "
+                f"({found.because}) has {len(turn)} photographs whose neighbours are no more alike "
+                "than any two of them: they seem not to be in the order in which they were taken, "
+                "or the rounds begin elsewhere; name them in that order, one round after the other"
+            )
+    return found
+
+
+def is_in_order(silhouettes: np.ndarray) -> bool:
+    """Whether the silhouettes of a round may be in the order in which they were taken."""
+    shown = silhouettes[silhouettes.any(axis=(1, 2))]
+    return len(shown) < LEAST or not is_shuffled(prepare(shown))
+
+
+def _divide(known: Sequence[Turntable], silhouettes: np.ndarray, signs: Signs | None) -> Split:
+    count, rounds = len(silhouettes), len(known)
+    counts = [one.photographs for one in known]
+    if None not in counts:
+        if sum(counts) != count:
+            raise InputError(
+                f"cameras 'calibrate': turntable names rounds of {_list(counts)} photographs, "
+                f"{sum(counts)} in all, but there are {count}"
+            )
+        return _split_counts(counts, "as given")
+    proposed = propose(silhouettes, signs)
+    for split in proposed:
+        if len(split.rounds) == rounds and not split.by_silhouettes:
+            return split
+    if all(one.step for one in known):
+        turns = [round(360 / abs(one.step)) for one in known]
+        for more, because in ((0, ""), (1, " and the first view again")):
+            if sum(turns) + more * rounds == count:
+                turned = [views + more for views in turns]
+                return _split_counts(turned, f"by their steps: a full turn{because} each")
+    for split in proposed:
+        if len(split.rounds) == rounds:
+            return split
+    if not proposed and count % rounds == 0 and count // rounds >= LEAST:
+        return _split_counts([count // rounds] * rounds, "in parts of equal numbers of views")
+    told = " or ".join(f"{_list(map(len, s.rounds))} by {s.because}" for s in proposed[:2])
+    raise InputError(
+        f"cameras 'calibrate': turntable names {rounds} rounds, but the {count} photographs "
+        + (f"fall in rounds of {told}" if told else "do not tell where each begins")
+        + "; name as many rounds as there are, each perhaps with its number of photographs, as in "
+        "',5,20,18;,40,20,18'"
+    )
+
+
+def _list(counts: Iterable[int]) -> str:
+    return " and ".join(map(str, counts))
+
+
+def _split_counts(counts: Sequence[int], because: str) -> Split:
+    edges = np.cumsum([0, *counts]).tolist()
+    return _split([range(*ends) for ends in pairwise(edges)], because)
+
+
 def propose_by_signs(signs: Signs) -> list[Split]:
     """What names, numbers, sizes and times tell of the rounds, in this order."""
     names = [(str(file.parent), _strip_number(file.stem)[0]) for file in signs.files]
@@ -108,12 +196,12 @@ def propose_by_silhouettes(silhouettes: np.ndarray) -> list[Split]:
     places = [[int(shown[part.start]) for part in closed[1:]]] if len(closed) > 1 else []
     places += [[int(shown[k])] for k in find_rises(series)]
     found = [
-        _split([range(*ends) for ends in pairwise([0, *edges, whole])], "their silhouettes")
+        Split(tuple(np.arange(*ends) for ends in pairwise([0, *edges, whole])), SILHOUETTES, True)
         for edges in places
     ]
     if alternates(series):
         every_other = (np.arange(0, whole, 2), np.arange(1, whole, 2))
-        found.insert(0, Split(every_other, "their silhouettes, every other one being of one round"))
+        found.insert(0, Split(every_other, f"{SILHOUETTES}, every other one of one round", True))
     return found
 
 

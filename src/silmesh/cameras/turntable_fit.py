@@ -8,7 +8,7 @@ then miss each other by much, some silhouettes may be wrong: the views that agre
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -106,12 +106,18 @@ class TurntableFit:
 
 
 def fit_most(
-    turn: Turntable, given: Given, fewest: float, progress: Share
+    turn: Turntable,
+    given: Given,
+    fewest: float,
+    progress: Share,
+    otherwise: Callable[[], tuple[TurntableFit, Consensus | None] | None] = lambda: None,
 ) -> tuple[TurntableFit, Consensus | None]:
     """Fit all views or, if these contradict each other, those that agree.
 
     Args:
         fewest: views that have to agree
+        otherwise: is asked, where some views contradict others, for a fit of another kind, which
+            is taken if there is one
     Returns:
         the fit, and how far the views agree if that had to be asked
     """
@@ -122,6 +128,8 @@ def fit_most(
     fit = solve(turn, starts, given, progress) if cost <= HOPELESS * suspect else None
     if len(turn.index) < FEWEST_AGREEING or (fit and fit.rms <= suspect):
         return fit or solve(turn, starts, given, progress), None
+    if other := otherwise():
+        return other
     verdict = find_consensus(
         turn,
         lambda sample: search(sample, given)[0][: sample.shared],
