@@ -561,7 +561,7 @@ def _say_rounds(rounds: Sequence[Round], because: str) -> list[str]:
         f"{one.estimates['elevation'].value:.1f} degrees)"
         for one in rounds
     )
-    return [f"the photographs are taken to be {len(rounds)} rounds, told by {because}: {said}"]
+    return [f"the photographs are taken to be {len(rounds)} rounds, told {because}: {said}"]
 
 
 def _warn_of_phases(turn: Turntable, x: np.ndarray, rivals: Sequence[np.ndarray]) -> list[str]:

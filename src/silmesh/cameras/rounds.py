@@ -30,11 +30,13 @@ MOST = 6  # rounds that are looked for
 # Numbers in names, and pauses, tell rounds apart if they are PAUSE times every other one; pauses
 # have MINUTE seconds at least.
 PAUSE, MINUTE = 5.0, 60.0
-SILHOUETTES = "their silhouettes"
+SILHOUETTES = "by their silhouettes"
 EXIF, TAKEN = 0x8769, 36867  # the directory of EXIF in which the time stands
-# Two parts of a series differ in height if their means do by so many deviations of the parts.
-RISEN = 1.5
-PLACES = 3  # at most, at which a series is divided because of what rises there
+# Scores from which a series may be divided where it rises (those of one round reach 6), and from
+# which its parts are divided again; a difference of two views counts MOST_JUMP times at most.
+RISEN, CLEARLY_RISEN, MOST_JUMP = 4.0, 8.0, 8.0
+SAME_HEIGHT = 0.004  # differences of heights, in sizes of the object, that say nothing
+PLACES = 2  # at most beside the best, at which a series is divided in two
 # The last view repeats the first if it differs from it by at most this share of what neighbours do.
 REPEATED = 0.35
 
@@ -147,13 +149,13 @@ def _divide(known: Sequence[Turntable], silhouettes: np.ndarray, signs: Signs | 
         for more, because in ((0, ""), (1, " and the first view again")):
             if sum(turns) + more * rounds == count:
                 turned = [views + more for views in turns]
-                return _split_counts(turned, f"by their steps: a full turn{because} each")
+                return _split_counts(turned, f"by their steps, a full turn{because} each")
     for split in proposed:
         if len(split.rounds) == rounds:
             return split
     if not proposed and count % rounds == 0 and count // rounds >= LEAST:
         return _split_counts([count // rounds] * rounds, "in parts of equal numbers of views")
-    told = " or ".join(f"{_list(map(len, s.rounds))} by {s.because}" for s in proposed[:2])
+    told = " or ".join(f"{_list(map(len, s.rounds))} {s.because}" for s in proposed[:2])
     raise InputError(
         f"cameras 'calibrate': turntable names {rounds} rounds, but the {count} photographs "
         + (f"fall in rounds of {told}" if told else "do not tell where each begins")
@@ -176,11 +178,11 @@ def propose_by_signs(signs: Signs) -> list[Split]:
     names = [(str(file.parent), _strip_number(file.stem)[0]) for file in signs.files]
     numbers = [_strip_number(file.stem)[1] for file in signs.files]
     told: list[tuple[str, list[range]]] = [
-        ("their folders", split_runs([folder for folder, _ in names])),
-        ("their names", split_runs(names)),
-        ("gaps in the numbers of their names", split_numbers(numbers)),
-        ("their sizes", split_runs(signs.sizes)),
-        ("long pauses between them", split_times(signs.times)),
+        ("by their folders", split_runs([folder for folder, _ in names])),
+        ("by their names", split_runs(names)),
+        ("by gaps in the numbers of their names", split_numbers(numbers)),
+        ("by their sizes", split_runs(signs.sizes)),
+        ("by long pauses between them", split_times(signs.times)),
     ]
     return [_split(parts, because) for because, parts in told if _are_rounds(parts)]
 
@@ -194,7 +196,7 @@ def propose_by_silhouettes(silhouettes: np.ndarray) -> list[Split]:
     whole = len(silhouettes)
     closed = find_rounds(series)
     places = [[int(shown[part.start]) for part in closed[1:]]] if len(closed) > 1 else []
-    places += [[int(shown[k])] for k in find_rises(series)]
+    places += [[int(shown[k]) for k in edges] for edges in find_rises(series)]
     found = [
         Split(tuple(np.arange(*ends) for ends in pairwise([0, *edges, whole])), SILHOUETTES, True)
         for edges in places
@@ -231,20 +233,58 @@ def split_times(times: Sequence[datetime | None]) -> list[range]:
     return parts if min(map(len, parts)) >= LEAST else [range(len(times))]
 
 
-def find_rises(series: Series) -> list[int]:
-    """The views at which a series is best divided into two of different heights, best first.
+def find_rises(series: Series) -> list[list[int]]:
+    """Views at which a series is best divided into parts of different heights, the best first.
 
     Turning changes how wide a silhouette is; raising the camera changes how tall it is, where its
-    middle lies and how large it is, of all views that follow.
+    middle lies and how large it is, at once and in all views that follow. A place is scored by how
+    much the means on both sides differ, in deviations within them, times how much the two views
+    there do, in usual differences of neighbours.
     """
-    scores = np.zeros(len(series))
-    for k in range(LEAST, len(series) - LEAST + 1):
-        first, second = series.upright[:k], series.upright[k:]
-        within = np.sqrt((first.var(axis=0) * k + second.var(axis=0) * len(second)) / len(series))
-        rise = np.abs(first.mean(axis=0) - second.mean(axis=0))
-        scores[k] = (np.where(rise > ALIKE / 2, rise, 0) / np.maximum(within, 1e-9)).max()
-    best = [k for k in np.argsort(-scores, kind="stable") if scores[k] >= RISEN]
-    return [int(k) for k in best[:PLACES]]
+    whole = _rank_rises(series.upright, 0, len(series))
+    best = [place for score, place in whole if score >= RISEN]
+    if not best:
+        return []
+    by_rises = _divide_again(series.upright, [0, best[0], len(series)])
+    by_turns = _find_turns(series, [0, best[0], len(series)])
+    several = [edges for edges in (by_rises, by_turns) if len(edges) > 1]
+    apart = [place for place in best if abs(place - best[0]) > LEAST][:PLACES]
+    return [*several, *([place] for place in [best[0], *apart])]
+
+
+def _find_turns(series: Series, edges: Sequence[int]) -> list[int]:
+    """The places at which a series is divided, with those at which a part's full turns end."""
+    found = set(edges[1:-1])
+    for low, high in pairwise(edges):
+        found |= {low + part.start for part in find_rounds(series.part(low, high))[1:]}
+    return sorted(found)
+
+
+def _divide_again(upright: np.ndarray, edges: list[int]) -> list[int]:
+    """The places at which a series is divided, with those at which its parts clearly are."""
+    for low, high in pairwise(edges):
+        ranked = _rank_rises(upright, low, high)
+        if ranked and ranked[0][0] >= CLEARLY_RISEN and len(edges) <= MOST:
+            return _divide_again(upright, sorted([*edges, ranked[0][1]]))
+    return edges[1:-1]
+
+
+def _rank_rises(upright: np.ndarray, low: int, high: int) -> list[tuple[float, int]]:
+    """Scores of the places at which a part may be divided, the best first."""
+    part, count = upright[low:high], high - low
+    if count < 2 * LEAST:
+        return []
+    jumps = np.abs(np.diff(part, axis=0))
+    usual = np.quantile(jumps, 0.75, axis=0) + SAME_HEIGHT
+    ranked = []
+    for k in range(LEAST, count - LEAST + 1):
+        first, second = part[:k], part[k:]
+        within = np.sqrt((first.var(axis=0) * k + second.var(axis=0) * (count - k)) / count)
+        apart = np.abs(first.mean(axis=0) - second.mean(axis=0)) / (within + SAME_HEIGHT)
+        balance = 2 * np.sqrt(k * (count - k)) / count
+        scores = apart * balance * np.minimum(jumps[k - 1] / usual, MOST_JUMP)
+        ranked.append((float(scores.max()), low + k))
+    return sorted(ranked, reverse=True)
 
 
 def repeats_first(silhouettes: np.ndarray) -> bool:

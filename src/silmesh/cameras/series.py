@@ -55,6 +55,11 @@ class Series:
     def __len__(self) -> int:
         return len(self.differences)
 
+    def part(self, low: int, high: int) -> "Series":
+        """Its views from one position to before another."""
+        views = slice(low, high)
+        return Series(self.differences[views, views], self.across[views], self.upright[views])
+
     @property
     def steps(self) -> np.ndarray:
         """[views - 1] the difference of each view from the next."""
