@@ -19,6 +19,7 @@ from silmesh.cameras.consensus import Consensus
 from silmesh.cameras.rounds import (
     Signs,
     Split,
+    describe_short,
     find_given,
     is_in_order,
     propose,
@@ -207,7 +208,7 @@ def calibrate(
         found = _fit_any(turn, given, silhouettes, signs, fewest, progress)
     progress(1)
     if found.is_of_all:
-        _refuse_incoherent(found, repeated)
+        _refuse_incoherent(found, repeated, signs)
     verdict = None if found.is_of_all else found.verdict
     disagreeing = {views[i]: FULL for i in full} | _name_disagreeing(verdict, named)
     said = [*repeated, *_warn_of_disagreement(disagreeing, views), *_find_cut(turn, named)]
@@ -423,12 +424,16 @@ def _warn_of_disagreement(disagreeing: dict[str, str], views: Sequence[str]) -> 
     ]
 
 
-def _refuse_incoherent(found: _Found, said: Sequence[str]) -> None:
+def _refuse_incoherent(
+    found: _Found, said: Sequence[str], signs: Callable[[], Signs | None]
+) -> None:
     """Refuse a fit of all views whose residuals are too large."""
     fit, verdict = found.fit, found.verdict
     allowed = REFUSED * fit.turn.size / 256
     if fit.rms <= allowed:
         return
+    told = signs()
+    said = [*said, *_say_tried(found), *(describe_short(told) if told else [])]
     most = ""
     if verdict:
         most = (
@@ -439,6 +444,14 @@ def _refuse_incoherent(found: _Found, said: Sequence[str]) -> None:
         f"outlines miss each other by {fit.rms:.2g} pixels (root mean square; at most "
         f"{allowed:.2g} is accepted){most}" + "".join(f"; {s}" for s in said) + CHECK_SERIES
     )
+
+
+def _say_tried(found: _Found) -> list[str]:
+    """Into which rounds the photographs were divided, if they were."""
+    if found.split is None:
+        return []
+    sizes = " and ".join(str(len(views)) for views in found.split.rounds)
+    return [f"they were taken to be rounds of {sizes}, told {found.split.because}"]
 
 
 def _report(

@@ -36,6 +36,7 @@ EXIF, TAKEN = 0x8769, 36867  # the directory of EXIF in which the time stands
 # which its parts are divided again; a difference of two views counts MOST_JUMP times at most.
 RISEN, CLEARLY_RISEN, MOST_JUMP = 4.0, 8.0, 8.0
 SAME_HEIGHT = 0.004  # differences of heights, in sizes of the object, that say nothing
+FULL_TURN = 8  # views of a full turn at least, if it is found in a part of the photographs
 PLACES = 2  # at most beside the best, at which a series is divided in two
 # The last view repeats the first if it differs from it by at most this share of what neighbours do.
 REPEATED = 0.35
@@ -156,9 +157,11 @@ def _divide(known: Sequence[Turntable], silhouettes: np.ndarray, signs: Signs | 
     if not proposed and count % rounds == 0 and count // rounds >= LEAST:
         return _split_counts([count // rounds] * rounds, "in parts of equal numbers of views")
     told = " or ".join(f"{_list(map(len, s.rounds))} {s.because}" for s in proposed[:2])
+    short = describe_short(signs) if signs else []
     raise InputError(
         f"cameras 'calibrate': turntable names {rounds} rounds, but the {count} photographs "
         + (f"fall in rounds of {told}" if told else "do not tell where each begins")
+        + "".join(f"; {sentence}" for sentence in short)
         + "; name as many rounds as there are, each perhaps with its number of photographs, as in "
         "',5,20,18;,40,20,18'"
     )
@@ -175,16 +178,33 @@ def _split_counts(counts: Sequence[int], because: str) -> Split:
 
 def propose_by_signs(signs: Signs) -> list[Split]:
     """What names, numbers, sizes and times tell of the rounds, in this order."""
+    return [_split(parts, because) for because, parts in _read_parts(signs) if _are_rounds(parts)]
+
+
+def describe_short(signs: Signs) -> list[str]:
+    """A sentence that names a part of the photographs that is too short for a round, if one is."""
+    for because, parts in _read_parts(signs):
+        fewest = min(parts, key=len)
+        if 1 < len(parts) <= MOST and len(fewest) < LEAST <= max(map(len, parts)):
+            first, last = signs.files[fewest[0]].name, signs.files[fewest[-1]].name
+            return [
+                f"{because} the photographs fall in rounds of {_list(map(len, parts))}; one of "
+                f"{len(fewest)} ({first!r} to {last!r}) is too short, each takes at least {LEAST}"
+            ]
+    return []
+
+
+def _read_parts(signs: Signs) -> list[tuple[str, list[range]]]:
+    """The parts that each sign tells, and the sign."""
     names = [(str(file.parent), _strip_number(file.stem)[0]) for file in signs.files]
     numbers = [_strip_number(file.stem)[1] for file in signs.files]
-    told: list[tuple[str, list[range]]] = [
+    return [
         ("by their folders", split_runs([folder for folder, _ in names])),
         ("by their names", split_runs(names)),
         ("by gaps in the numbers of their names", split_numbers(numbers)),
         ("by their sizes", split_runs(signs.sizes)),
         ("by long pauses between them", split_times(signs.times)),
     ]
-    return [_split(parts, because) for because, parts in told if _are_rounds(parts)]
 
 
 def propose_by_silhouettes(silhouettes: np.ndarray) -> list[Split]:
@@ -256,7 +276,9 @@ def _find_turns(series: Series, edges: Sequence[int]) -> list[int]:
     """The places at which a series is divided, with those at which a part's full turns end."""
     found = set(edges[1:-1])
     for low, high in pairwise(edges):
-        found |= {low + part.start for part in find_rounds(series.part(low, high))[1:]}
+        turns = find_rounds(series.part(low, high))
+        if min(map(len, turns)) >= FULL_TURN:
+            found |= {low + part.start for part in turns[1:]}
     return sorted(found)
 
 
