@@ -345,7 +345,7 @@ def _show_rounds(rounds: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
     _, unit, _ = PARAMETERS["elevation"]
     return [
         _show_estimate(
-            f"round {number}",
+            f"Round {number}",
             f"elevation of its {len(one['views'])} views, {one['views'][0]} to {one['views'][-1]}",
             unit,
             one["estimates"]["elevation"],
