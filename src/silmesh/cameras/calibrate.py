@@ -6,8 +6,9 @@ what else a person should know of the result.
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -20,6 +21,7 @@ from silmesh.cameras.rounds import (
     Signs,
     Split,
     describe_short,
+    divide_evenly,
     find_given,
     is_in_order,
     propose,
@@ -263,40 +265,75 @@ def _fit_any(
     fewest: float,
     progress: Share,
 ) -> _Found:
-    """Fit one round and, where it does not explain all views, what else they may be."""
-    tried: list[_Found] = []
+    """Fit one round and, where it does not explain all views, the rounds that they may be.
 
-    def otherwise() -> tuple[TurntableFit, Consensus | None] | None:
-        for found in _try_others(turn, given, silhouettes, signs, fewest):
-            tried.append(found)
-            if found.fit.rms <= SUSPECT * turn.size / 256 and found.explained >= CLEARLY * len(
-                turn.index
-            ):
-                return found.fit, found.verdict
-        return None
-
-    one = _Found(*fit_most(turn, given, fewest, progress, otherwise), given)
-    best = max(tried, key=lambda found: found.explained, default=one)
+    Rounds that are told clearly are tried before views of one round are told to be wrong, others
+    where no round explains most views.
+    """
+    rounds = _Rounds(turn, given, silhouettes, signs, fewest)
+    one = _Found(*fit_most(turn, given, fewest, progress, rounds.try_clear), given)
+    if one.explained == 0:
+        rounds.try_others()
+    best = max(rounds.tried, key=lambda found: found.explained, default=one)
     return best if best.explained > one.explained or best.fit is one.fit else one
 
 
-def _try_others(
-    turn: Turntable,
-    given: Given,
-    silhouettes: np.ndarray,
-    signs: Callable[[], Signs | None],
-    fewest: float,
-) -> Iterator[_Found]:
-    """Fits of the rounds that the photographs show, each made when it is asked for."""
-    if given.step is None and repeats_first(silhouettes):
-        full = replace(given, count=given.count - 1)
-        yield _Found(solve(turn, search(turn, full), full), None, full)
-    for split in propose(silhouettes, signs())[:SPLITS]:
-        if all(is_in_order(silhouettes[views]) for views in split.rounds):
-            same = [Known(None, None, given.step) for _ in split.rounds]
-            found = _fit_split(turn, split, same, silhouettes, given.above_table, fewest, untold)
+class _Rounds:
+    """Several rounds, and a full turn whose first view comes again, in place of one round."""
+
+    def __init__(
+        self,
+        turn: Turntable,
+        given: Given,
+        silhouettes: np.ndarray,
+        signs: Callable[[], Signs | None],
+        fewest: float,
+    ):
+        self.turn, self.given, self.silhouettes = turn, given, silhouettes
+        self.signs, self.fewest = signs, fewest
+        self.tried: list[_Found] = []
+
+    @cached_property
+    def splits(self) -> list[Split]:
+        """The rounds to try whose views may be in order, the clearest first."""
+        told = propose(self.silhouettes, self.signs())
+        evenly = divide_evenly(len(self.silhouettes))
+        clear = [split for split in told if split.clear][:SPLITS]
+        others = [split for split in [*told, *evenly] if not split.clear][:SPLITS]
+        return [
+            split
+            for split in (*clear, *others)
+            if all(is_in_order(self.silhouettes[views]) for views in split.rounds)
+        ]
+
+    def try_clear(self) -> tuple[TurntableFit, Consensus | None] | None:
+        """A fit that explains most views, if there is one, of what is told clearly."""
+        if self.given.step is None and repeats_first(self.silhouettes):
+            full = replace(self.given, count=self.given.count - 1)
+            found = _Found(solve(self.turn, search(self.turn, full), full), None, full)
+            self.tried.append(found)
+            if self._is_good(found):
+                return found.fit, found.verdict
+        return self._try([split for split in self.splits if split.clear])
+
+    def try_others(self) -> None:
+        """Fit what is not told clearly, until a fit explains most views."""
+        self._try([split for split in self.splits if not split.clear])
+
+    def _try(self, splits: Sequence[Split]) -> tuple[TurntableFit, Consensus | None] | None:
+        for split in splits:
+            same = [Known(None, None, self.given.step) for _ in split.rounds]
+            above, fewest = self.given.above_table, self.fewest
+            found = _fit_split(self.turn, split, same, self.silhouettes, above, fewest, untold)
             if _moves(found.fit):
-                yield found
+                self.tried.append(found)
+                if self._is_good(found):
+                    return found.fit, found.verdict
+        return None
+
+    def _is_good(self, found: _Found) -> bool:
+        coherent = found.fit.rms <= SUSPECT * self.turn.size / 256
+        return coherent and found.explained >= CLEARLY * len(self.turn.index)
 
 
 def _moves(fit: TurntableFit) -> bool:

@@ -6,7 +6,7 @@ Nothing here knows of cameras: what is proposed is tried where cameras are found
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
@@ -30,10 +30,11 @@ MOST = 6  # rounds that are looked for
 # Numbers in names, and pauses, tell rounds apart if they are PAUSE times every other one; pauses
 # have MINUTE seconds at least.
 PAUSE, MINUTE = 5.0, 60.0
+EVENLY = "in parts of equal numbers of views"
 SILHOUETTES = "by their silhouettes"
 EXIF, TAKEN = 0x8769, 36867  # the directory of EXIF in which the time stands
-# Scores from which a series may be divided where it rises (those of one round reach 6), and from
-# which its parts are divided again; a difference of two views counts MOST_JUMP times at most.
+# Scores from which a series may be divided where it rises, and from which it clearly is (those of
+# one round reach 6); a difference of two views counts MOST_JUMP times at most.
 RISEN, CLEARLY_RISEN, MOST_JUMP = 4.0, 8.0, 8.0
 SAME_HEIGHT = 0.004  # differences of heights, in sizes of the object, that say nothing
 FULL_TURN = 8  # views of a full turn at least, if it is found in a part of the photographs
@@ -65,11 +66,13 @@ class Split:
         rounds: the positions of the photographs of each, in the order of its turn
         because: what tells them apart, in words
         by_silhouettes: whether only the silhouettes do
+        clear: whether it is told clearly, so that one round alone hardly shows the same
     """
 
     rounds: tuple[np.ndarray, ...]
     because: str
     by_silhouettes: bool = False
+    clear: bool = True
 
 
 def read_signs(views: Sequence[View]) -> Signs:
@@ -91,12 +94,7 @@ def propose(silhouettes: np.ndarray, signs: Signs | None = None) -> list[Split]:
         splits into two rounds or more of at least ``LEAST`` views; none where nothing tells any
     """
     found = propose_by_signs(signs) if signs else []
-    found += propose_by_silhouettes(silhouettes)
-    kept: list[Split] = []
-    for split in found:
-        if not any(_are_same(split, other) for other in kept):
-            kept.append(split)
-    return kept
+    return _drop_same([*found, *propose_by_silhouettes(silhouettes)])
 
 
 def find_given(
@@ -155,7 +153,7 @@ def _divide(known: Sequence[Turntable], silhouettes: np.ndarray, signs: Signs | 
         if len(split.rounds) == rounds:
             return split
     if not proposed and count % rounds == 0 and count // rounds >= LEAST:
-        return _split_counts([count // rounds] * rounds, "in parts of equal numbers of views")
+        return _split_counts([count // rounds] * rounds, EVENLY)
     told = " or ".join(f"{_list(map(len, s.rounds))} {s.because}" for s in proposed[:2])
     short = describe_short(signs) if signs else []
     raise InputError(
@@ -178,7 +176,8 @@ def _split_counts(counts: Sequence[int], because: str) -> Split:
 
 def propose_by_signs(signs: Signs) -> list[Split]:
     """What names, numbers, sizes and times tell of the rounds, in this order."""
-    return [_split(parts, because) for because, parts in _read_parts(signs) if _are_rounds(parts)]
+    told = [(because, parts) for because, parts in _read_parts(signs) if _are_rounds(parts)]
+    return _drop_same([_split(parts, because) for because, parts in told])
 
 
 def describe_short(signs: Signs) -> list[str]:
@@ -215,16 +214,25 @@ def propose_by_silhouettes(silhouettes: np.ndarray) -> list[Split]:
     series = prepare(silhouettes[shown])
     whole = len(silhouettes)
     closed = find_rounds(series)
-    places = [[int(shown[part.start]) for part in closed[1:]]] if len(closed) > 1 else []
-    places += [[int(shown[k]) for k in edges] for edges in find_rises(series)]
-    found = [
-        Split(tuple(np.arange(*ends) for ends in pairwise([0, *edges, whole])), SILHOUETTES, True)
-        for edges in places
-    ]
+    told = [([part.start for part in closed[1:]], True)] if len(closed) > 1 else []
+    told += [(edges, score >= CLEARLY_RISEN) for score, edges in find_rises(series)]
+    found = []
     if alternates(series):
         every_other = (np.arange(0, whole, 2), np.arange(1, whole, 2))
-        found.insert(0, Split(every_other, f"{SILHOUETTES}, every other one of one round", True))
+        found.append(Split(every_other, f"{SILHOUETTES}, every other one of one round", True))
+    for edges, clear in told:
+        parts = pairwise([0, *shown[edges].tolist(), whole])
+        found.append(Split(tuple(np.arange(*ends) for ends in parts), SILHOUETTES, True, clear))
     return found
+
+
+def divide_evenly(count: int) -> list[Split]:
+    """Two and three rounds of equal numbers of views, where nothing else tells them."""
+    return [
+        replace(_split_counts([count // rounds] * rounds, EVENLY), by_silhouettes=True, clear=False)
+        for rounds in (2, 3)
+        if count % rounds == 0 and count // rounds >= FULL_TURN
+    ]
 
 
 def split_runs(keys: Sequence[object]) -> list[range]:
@@ -253,8 +261,8 @@ def split_times(times: Sequence[datetime | None]) -> list[range]:
     return parts if min(map(len, parts)) >= LEAST else [range(len(times))]
 
 
-def find_rises(series: Series) -> list[list[int]]:
-    """Views at which a series is best divided into parts of different heights, the best first.
+def find_rises(series: Series) -> list[tuple[float, list[int]]]:
+    """Views at which a series is best divided into parts of different heights, and a score of each.
 
     Turning changes how wide a silhouette is; raising the camera changes how tall it is, where its
     middle lies and how large it is, at once and in all views that follow. A place is scored by how
@@ -262,14 +270,15 @@ def find_rises(series: Series) -> list[list[int]]:
     there do, in usual differences of neighbours.
     """
     whole = _rank_rises(series.upright, 0, len(series))
-    best = [place for score, place in whole if score >= RISEN]
-    if not best:
+    places = [(score, place) for score, place in whole if score >= RISEN]
+    if not places:
         return []
-    by_rises = _divide_again(series.upright, [0, best[0], len(series)])
-    by_turns = _find_turns(series, [0, best[0], len(series)])
-    several = [edges for edges in (by_rises, by_turns) if len(edges) > 1]
-    apart = [place for place in best if abs(place - best[0]) > LEAST][:PLACES]
-    return [*several, *([place] for place in [best[0], *apart])]
+    score, best = places[0]
+    by_rises = _divide_again(series.upright, [0, best, len(series)])
+    by_turns = _find_turns(series, [0, best, len(series)])
+    several = [(score, edges) for edges in (by_rises, by_turns) if len(edges) > 1]
+    apart = [(less, [place]) for less, place in places if abs(place - best) > LEAST][:PLACES]
+    return [*several, (score, [best]), *apart]
 
 
 def _find_turns(series: Series, edges: Sequence[int]) -> list[int]:
@@ -356,6 +365,15 @@ def _are_rounds(parts: Sequence[range]) -> bool:
 
 def _split(parts: Sequence[range], because: str) -> Split:
     return Split(tuple(np.array(part) for part in parts), because)
+
+
+def _drop_same(splits: Sequence[Split]) -> list[Split]:
+    """Those that none before has the rounds of."""
+    kept: list[Split] = []
+    for split in splits:
+        if not any(_are_same(split, other) for other in kept):
+            kept.append(split)
+    return kept
 
 
 def _are_same(one: Split, other: Split) -> bool:
