@@ -10,6 +10,7 @@ from turns import ROUND, turn
 from silmesh.cameras.rounds import (
     Signs,
     describe_short,
+    divide_by_agreement,
     divide_evenly,
     find_given,
     is_in_order,
@@ -131,10 +132,25 @@ def test_rounds_that_were_taken_together_are_every_other_view():
     ]
 
 
-def test_even_parts():
-    assert [lengths(split) for split in divide_evenly(24)] == [[12, 12], [8, 8, 8]]
-    assert [lengths(split) for split in divide_evenly(27)] == [[9, 9, 9]]
-    assert divide_evenly(13) == []
+def test_full_turns_of_equal_numbers():
+    seen = turn(12, 15)
+    assert lengths(divide_evenly(np.concatenate([seen, seen]))[0]) == [12, 12]
+    assert divide_evenly(seen) == []
+
+
+def test_the_views_that_agree_are_a_round():
+    agrees = np.zeros(30, bool)
+    agrees[10:22] = True
+    agrees[[2, 14]] = [True, False]
+    (split,) = divide_by_agreement(agrees)
+    assert lengths(split) == [10, 12, 8]
+    (split,) = divide_by_agreement(np.arange(30) % 2 == 0)
+    assert [part[:3].tolist() for part in split.rounds] == [[0, 2, 4], [1, 3, 5]]
+
+
+def test_views_that_agree_here_and_there_are_no_round():
+    assert divide_by_agreement(np.arange(30) % 3 == 0) == []
+    assert divide_by_agreement(np.zeros(30, bool)) == []
 
 
 def test_an_empty_silhouette_keeps_its_place(two):

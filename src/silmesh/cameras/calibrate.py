@@ -8,7 +8,6 @@ what else a person should know of the result.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -21,6 +20,7 @@ from silmesh.cameras.rounds import (
     Signs,
     Split,
     describe_short,
+    divide_by_agreement,
     divide_evenly,
     find_given,
     is_in_order,
@@ -205,7 +205,7 @@ def calibrate(
     repeated = _find_repeated(silhouettes[shown], named)
     fewest = max(SHARE * (len(shown) + len(full)), FEWEST_AGREEING)
     if split:
-        found = _fit_split(turn, split, rounds, silhouettes, above_table, fewest, progress)
+        found = _fit_split(turn, split, rounds, silhouettes, above_table, fewest, True, progress)
     else:
         found = _fit_any(turn, given, silhouettes, signs, fewest, progress)
     progress(1)
@@ -246,15 +246,20 @@ def _fit_split(
     silhouettes: np.ndarray,
     above_table: bool,
     fewest: float,
+    sure: bool,
     progress: Share,
-) -> _Found:
-    """Fit the rounds of a split; what is known of each comes in their order."""
+) -> _Found | None:
+    """Fit the rounds of a split; what is known of each comes in their order.
+
+    None if they are not sure and no round is coherent.
+    """
     each = [
         Given(len(views) - repeats_first(silhouettes[views]), one.step, one.elevation, above_table)
         for views, one in zip(split.rounds, known, strict=True)
     ]
     given = replace(each[0], later=tuple(each[1:]))
-    return _Found(*fit_rounds(turn.in_rounds(split.rounds), given, fewest, progress), given, split)
+    found = fit_rounds(turn.in_rounds(split.rounds), given, fewest, sure, progress)
+    return _Found(*found, given, split) if found else None
 
 
 def _fit_any(
@@ -267,13 +272,13 @@ def _fit_any(
 ) -> _Found:
     """Fit one round and, where it does not explain all views, the rounds that they may be.
 
-    Rounds that are told clearly are tried before views of one round are told to be wrong, others
-    where no round explains most views.
+    Rounds that are told clearly are tried before views of one round are told to be wrong; others
+    where one round does not explain most views.
     """
     rounds = _Rounds(turn, given, silhouettes, signs, fewest)
     one = _Found(*fit_most(turn, given, fewest, progress, rounds.try_clear), given)
     if one.explained == 0:
-        rounds.try_others()
+        rounds.try_others(one.verdict)
     best = max(rounds.tried, key=lambda found: found.explained, default=one)
     return best if best.explained > one.explained or best.fit is one.fit else one
 
@@ -293,19 +298,6 @@ class _Rounds:
         self.signs, self.fewest = signs, fewest
         self.tried: list[_Found] = []
 
-    @cached_property
-    def splits(self) -> list[Split]:
-        """The rounds to try whose views may be in order, the clearest first."""
-        told = propose(self.silhouettes, self.signs())
-        evenly = divide_evenly(len(self.silhouettes))
-        clear = [split for split in told if split.clear][:SPLITS]
-        others = [split for split in [*told, *evenly] if not split.clear][:SPLITS]
-        return [
-            split
-            for split in (*clear, *others)
-            if all(is_in_order(self.silhouettes[views]) for views in split.rounds)
-        ]
-
     def try_clear(self) -> tuple[TurntableFit, Consensus | None] | None:
         """A fit that explains most views, if there is one, of what is told clearly."""
         if self.given.step is None and repeats_first(self.silhouettes):
@@ -314,18 +306,32 @@ class _Rounds:
             self.tried.append(found)
             if self._is_good(found):
                 return found.fit, found.verdict
-        return self._try([split for split in self.splits if split.clear])
+        told = propose(self.silhouettes, self.signs())
+        return self._try([split for split in told if split.clear][:SPLITS])
 
-    def try_others(self) -> None:
-        """Fit what is not told clearly, until a fit explains most views."""
-        self._try([split for split in self.splits if not split.clear])
+    def try_others(self, verdict: Consensus | None) -> None:
+        """Fit rounds that no sign tells, until a fit explains most views.
+
+        Args:
+            verdict: which views agree on one round
+        """
+        splits = divide_evenly(self.silhouettes)
+        if verdict is not None:
+            agrees = np.zeros(len(self.silhouettes), bool)
+            agrees[self.turn.index] = verdict.agrees
+            splits = [*divide_by_agreement(agrees), *splits]
+        self._try(splits)
 
     def _try(self, splits: Sequence[Split]) -> tuple[TurntableFit, Consensus | None] | None:
         for split in splits:
+            if not all(is_in_order(self.silhouettes[views]) for views in split.rounds):
+                continue
             same = [Known(None, None, self.given.step) for _ in split.rounds]
             above, fewest = self.given.above_table, self.fewest
-            found = _fit_split(self.turn, split, same, self.silhouettes, above, fewest, untold)
-            if _moves(found.fit):
+            found = _fit_split(
+                self.turn, split, same, self.silhouettes, above, fewest, False, untold
+            )
+            if found and _moves(found.fit):
                 self.tried.append(found)
                 if self._is_good(found):
                     return found.fit, found.verdict

@@ -19,6 +19,7 @@ from silmesh.cameras.series import (
     Series,
     alternates,
     find_rounds,
+    is_closed,
     is_shuffled,
     prepare,
 )
@@ -37,6 +38,7 @@ EXIF, TAKEN = 0x8769, 36867  # the directory of EXIF in which the time stands
 # one round reach 6); a difference of two views counts MOST_JUMP times at most.
 RISEN, CLEARLY_RISEN, MOST_JUMP = 4.0, 8.0, 8.0
 SAME_HEIGHT = 0.004  # differences of heights, in sizes of the object, that say nothing
+AGREEING = 0.6  # by so much the share of views that agree is larger in a round than outside
 FULL_TURN = 8  # views of a full turn at least, if it is found in a part of the photographs
 PLACES = 2  # at most beside the best, at which a series is divided in two
 # The last view repeats the first if it differs from it by at most this share of what neighbours do.
@@ -226,13 +228,41 @@ def propose_by_silhouettes(silhouettes: np.ndarray) -> list[Split]:
     return found
 
 
-def divide_evenly(count: int) -> list[Split]:
-    """Two and three rounds of equal numbers of views, where nothing else tells them."""
-    return [
-        replace(_split_counts([count // rounds] * rounds, EVENLY), by_silhouettes=True, clear=False)
+def divide_evenly(silhouettes: np.ndarray) -> list[Split]:
+    """Two or three full turns of equal numbers of views, where nothing tells their heights."""
+    count = len(silhouettes)
+    if not silhouettes.any(axis=(1, 2)).all():
+        return []
+    series = prepare(silhouettes)
+    even = [
+        [range(k * count // rounds, (k + 1) * count // rounds) for k in range(rounds)]
         for rounds in (2, 3)
         if count % rounds == 0 and count // rounds >= FULL_TURN
     ]
+    turns = [parts for parts in even if all(is_closed(series, part) for part in parts)]
+    return [replace(_split(parts, EVENLY), by_silhouettes=True, clear=False) for parts in turns]
+
+
+def divide_by_agreement(agrees: np.ndarray) -> list[Split]:
+    """The rounds of which one is a run of views that agree on a turn, [views] bool, and most of it.
+
+    Or every other view, if those and no others agree.
+    """
+    count = len(agrees)
+    every_other = np.arange(0, count, 2), np.arange(1, count, 2)
+    if abs(agrees[every_other[0]].mean() - agrees[every_other[1]].mean()) >= AGREEING:
+        return [Split(every_other, "by which agree, every other one", True, False)]
+    gains = np.concatenate([[0], np.where(agrees, 1, -1).cumsum()])
+    low, high = max(
+        ((a, b) for a in range(count) for b in range(a + FULL_TURN, count + 1)),
+        key=lambda ends: gains[ends[1]] - gains[ends[0]],
+        default=(0, count),
+    )
+    outside = np.r_[agrees[:low], agrees[high:]]
+    parts = [range(*ends) for ends in pairwise(sorted({0, low, high, count}))]
+    if not _are_rounds(parts) or agrees[low:high].mean() < AGREEING + outside.mean():
+        return []
+    return [Split(tuple(map(np.array, parts)), "by which views agree", True, False)]
 
 
 def split_runs(keys: Sequence[object]) -> list[range]:
