@@ -15,7 +15,7 @@ from silmesh.geometry.camera import Cameras
 from silmesh.settings.turntable import parse_turntable
 
 SIZE, DISTANCE = 96, 2.732
-AXES, CENTRE = (0.42, 0.3, 0.16), (0.12, 0.04, 0.06)
+AXES, CENTRE = (0.3, 0.42, 0.16), (0.12, 0.04, 0.06)
 
 
 def rounds_of(*specs: tuple[float, int, float, float]) -> Cameras:
