@@ -8,6 +8,7 @@ what else a person should know of the result.
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -19,6 +20,7 @@ from silmesh.cameras.consensus import Consensus
 from silmesh.cameras.rounds import (
     Signs,
     Split,
+    are_full_turns,
     describe_short,
     divide_by_agreement,
     divide_evenly,
@@ -298,6 +300,10 @@ class _Rounds:
         self.signs, self.fewest = signs, fewest
         self.tried: list[_Found] = []
 
+    @cached_property
+    def _told(self) -> list[Split]:
+        return propose(self.silhouettes, self.signs())
+
     def try_clear(self) -> tuple[TurntableFit, Consensus | None] | None:
         """A fit that explains most views, if there is one, of what is told clearly."""
         if self.given.step is None and repeats_first(self.silhouettes):
@@ -306,8 +312,7 @@ class _Rounds:
             self.tried.append(found)
             if self._is_good(found):
                 return found.fit, found.verdict
-        told = propose(self.silhouettes, self.signs())
-        return self._try([split for split in told if split.clear][:SPLITS])
+        return self._try([split for split in self._told if split.clear][:SPLITS])
 
     def try_others(self, verdict: Consensus | None) -> None:
         """Fit rounds that no sign tells, until a fit explains most views.
@@ -315,12 +320,12 @@ class _Rounds:
         Args:
             verdict: which views agree on one round
         """
-        splits = divide_evenly(self.silhouettes)
-        if verdict is not None:
-            agrees = np.zeros(len(self.silhouettes), bool)
-            agrees[self.turn.index] = verdict.agrees
-            splits = [*divide_by_agreement(agrees), *splits]
-        self._try(splits)
+        agrees = np.zeros(len(self.silhouettes), bool)
+        agrees[self.turn.index] = verdict is not None and verdict.agrees
+        told = [split for split in self._told if not split.clear]
+        turns = [split for split in told if are_full_turns(split, self.silhouettes)]
+        evenly = divide_evenly(self.silhouettes)
+        self._try([*divide_by_agreement(agrees), *turns, *evenly][:SPLITS])
 
     def _try(self, splits: Sequence[Split]) -> tuple[TurntableFit, Consensus | None] | None:
         for split in splits:
