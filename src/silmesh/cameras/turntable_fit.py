@@ -47,7 +47,7 @@ BETTER_FIT = 0.8  # of the residual of all views, from which the fit of those th
 # Root mean square residual, in pixels of a 256-pixel image, from which some silhouettes may be
 # wrong, and from which what chosen views agree on is no turntable.
 SUSPECT, REFUSED_AGREEING = 1.0, 2.0
-COARSE = 0.75  # pixels of any image, below which outlines of pixels do not settle what agrees
+ROUGH = 0.75  # pixels of any image, below which outlines of pixels do not settle what agrees
 FEWEST_AGREEING = 8  # views that have to agree on a turntable if others do not
 
 
@@ -142,7 +142,7 @@ def fit_most(
         agreeing = np.flatnonzero(verdict.agrees)
         part = turn.alone(agreeing)
         apart = solve(part, search(part, given), given)
-        allowed = max(allowed, COARSE)
+        allowed = max(allowed, ROUGH)
         if apart.rms <= (min(allowed, BETTER_FIT * fit.rms) if fit else allowed):
             whole = part.of(turn.outlines, turn.index)
             strict = judge(whole, apart.best.x, agreeing, allowed, trusting=True)
