@@ -71,6 +71,7 @@ def trace(
     samples: int,
     views: Sequence[str],
     frames: np.ndarray | None = None,
+    reach: float = REACH,
 ) -> Outlines:
     """Trace the outlines of silhouettes, [views, height, width] bool, at ``samples`` points each.
 
@@ -78,6 +79,7 @@ def trace(
         views: their names, for messages
         frames: [views, 4] left, top, right and bottom of the photographs within the images; the
             whole images if not given
+        reach: share of the image's side beyond which distances are cut off
 
     Raises:
         InputError: a silhouette is empty or fills its image
@@ -86,7 +88,7 @@ def trace(
         if s.all() or not s.any():
             what = "fills its image" if s.any() else "is empty"
             raise InputError(f"the silhouette of view {view!r} {what}; it has no outline")
-    far = REACH * max(silhouettes.shape[1:])
+    far = reach * max(silhouettes.shape[1:])
     with ThreadPoolExecutor(torch.get_num_threads()) as pool:
         distances = np.stack(list(pool.map(lambda s: _measure_distance(s, far), silhouettes)))
     points = np.stack([_spread_points(d, samples) for d in distances])

@@ -171,6 +171,23 @@ def explains(hull: Hull, silhouettes: np.ndarray, cameras: Cameras) -> bool:
     return bool(left.max() <= allowed)
 
 
+def predict_held_out(
+    silhouettes: np.ndarray, cameras: Cameras, frames: Sequence[Sequence[int]] | None = None
+) -> np.ndarray:
+    """How well the strict hull of the others predicts each silhouette, in small images.
+
+    Arguments are those of ``robust_carve``.
+
+    Returns:
+        [views] IoU, in which pixels within one of the outline are right either way
+    """
+    frames = whole_frames(silhouettes) if frames is None else np.asarray(frames)
+    looks = _look(silhouettes, cameras, frames)
+    if not len(looks.pixel):
+        return np.zeros(len(cameras))
+    return _predict(looks, looks.shown.any(axis=1))[:, 0]
+
+
 def find_uncovered(hull: Hull, silhouettes: np.ndarray, cameras: Cameras) -> np.ndarray:
     """The share of each silhouette's pixels that a hull does not cover.
 

@@ -17,6 +17,7 @@ from silmesh.scene.agreement import Normalised, choose, refused_or
 from silmesh.scene.conventions import settle
 from silmesh.scene.diagnosis import MEASURED, diagnose
 from silmesh.scene.outliers import LEAST
+from silmesh.scene.reorientation import reorient
 from silmesh.scene.scene import Scene
 from silmesh.views import View
 
@@ -69,6 +70,9 @@ def build_scene(
     taken, why = choose(attempts, normalised)
     attempt, best = attempts[taken], normalised[taken]
     undistorted = best.undistorted.silhouettes(shown.silhouettes(best.cameras.views))
+    if not keep_world:
+        best, turned = reorient(best, undistorted)
+        attempt = replace(attempt, warnings=(*attempt.warnings, turned)) if turned else attempt
     attempt = _warn_of_contradicted(attempt, best)
     notes = {
         **_note_cameras(attempt, best, why),
