@@ -3,8 +3,8 @@
 Where a few views are wrong the others say so (``silmesh.geometry.robust_hull``). Where each camera
 looks a degree or two aside, all views contradict each other, none more than another, and the visual
 hull is a splinter. Then each camera is turned about its own centre
-(``silmesh.cameras.directions``). The turns are taken only where the silhouettes agree after them,
-also each with the hull of the others, which the turns of its own camera cannot please.
+(``silmesh.cameras.directions``). The turns are taken only where the silhouettes agree by them, each
+with the hull of the others no worse than before.
 """
 
 from dataclasses import replace
@@ -15,10 +15,13 @@ from silmesh.cameras.directions import measure_turns, turn_to_agree
 from silmesh.errors import InputError
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.robust_hull import ENOUGH, predict_held_out
-from silmesh.geometry.thresholds import COHERENT
+from silmesh.geometry.thresholds import CONVINCING
 from silmesh.scene.agreement import Normalised, normalise
 
-GAIN, HELD_OUT = 0.05, 0.02  # of both hull IoUs: turns that gain less are not taken
+GAIN = 0.05  # of hull IoU: turns that gain less are not taken
+# Nor are turns by which the others' hulls predict the silhouettes worse by more than this IoU. A
+# hull of the others is larger than the object, so that it hardly shows half a degree.
+WORSE = 0.01
 LARGEST = 5.0  # degrees: cameras whose mean turn is larger are wrong otherwise
 
 
@@ -31,7 +34,7 @@ def reorient(found: Normalised, silhouettes: np.ndarray) -> tuple[Normalised, st
     """
     full = silhouettes.all(axis=(1, 2)).any()
     shown = np.flatnonzero(silhouettes.any(axis=(1, 2)))
-    if found.mean >= COHERENT or len(shown) < ENOUGH or full:
+    if found.mean >= CONVINCING or len(shown) < ENOUGH or full:
         return found, ""
     old, frames = found.cameras.select(shown), found.undistorted.frames
     turned = turn_to_agree(silhouettes[shown], old, frames[shown])
@@ -45,7 +48,7 @@ def reorient(found: Normalised, silhouettes: np.ndarray) -> tuple[Normalised, st
         return found, ""
     parts = silhouettes[shown], frames[shown]
     before, after = (_predict(each.cameras.select(shown), *parts) for each in (found, again))
-    if again.overall < max(COHERENT, found.overall + GAIN) or after < before + HELD_OUT:
+    if again.overall < max(CONVINCING, found.overall + GAIN) or after < before - WORSE:
         return found, ""
     said = (
         "the cameras contradict all silhouettes a little: each was turned about its own centre, "
