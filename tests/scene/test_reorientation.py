@@ -1,4 +1,4 @@
-"""Of an ellipsoid, whose silhouettes are formulas, before cameras that are turned by known angles."""
+"""Of an ellipsoid, whose silhouettes are formulas, before cameras turned by known angles."""
 
 import numpy as np
 import pytest

@@ -61,7 +61,10 @@ class Verdict:
 
 
 def find_outliers(
-    silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray | None = None
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+    frames: np.ndarray | None = None,
+    suspects: Sequence[int] = (),
 ) -> Verdict:
     """Find the silhouettes that the other views contradict.
 
@@ -70,10 +73,11 @@ def find_outliers(
         cameras: of these views, in the normalised world
         frames: [views, 4] left, top, right and bottom of the photographs within the images; the
             whole images if not given
+        suspects: positions of views that something else speaks against, heard last
     """
     frames = whole_frames(silhouettes) if frames is None else frames
     shown = silhouettes.any(axis=(1, 2))
-    unexplained, missing, bad = _find_contradicted(silhouettes, cameras, frames, shown)
+    unexplained, missing, bad = _find_contradicted(silhouettes, cameras, frames, shown, suspects)
     refusal = None
     if 2 * bad.sum() > shown.sum():
         refusal = "silhouettes and cameras contradict each other in most views"
@@ -90,14 +94,18 @@ def find_outliers(
 
 
 def _find_contradicted(
-    silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray, shown: np.ndarray
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+    frames: np.ndarray,
+    shown: np.ndarray,
+    suspects: Sequence[int],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The two shares of each view, and whether the view is an outlier: each [views].
 
     This works in rounds. The views that the trusted ones contradict most are not trusted in the
     next round, and are trusted again if that round clears them.
     """
-    trusted = np.flatnonzero(shown)
+    trusted = np.setdiff1d(np.flatnonzero(shown), suspects)
     unexplained, missing = disagreement(silhouettes, cameras, frames, trusted, TOLERANCES[-1])
     bad = shown & (_excess(unexplained, missing, trusted) > 0)
     tolerances = TOLERANCES if bad.any() else ()
