@@ -44,8 +44,7 @@ def reconstruct(folder: Path, made: Path) -> dict:
 def name_wrong(told: dict, fit: dict) -> list[str]:
     """The views that are doubted, left out or believed less, by the scene or by the fit alone."""
     less = [view for view, weight in told.get("weights", {}).items() if weight < 1]
-    in_fit = [*fit.get("distrusted", ()), *fit.get("corrected", ())]
-    return sorted({*told["doubtful"], *told["dropped"], *less, *in_fit})
+    return sorted({*told["doubtful"], *told["dropped"], *less, *fit.get("distrusted", ())})
 
 
 def main() -> None:
