@@ -90,11 +90,12 @@ def _judge(
 ) -> tuple[Verdict, Collection[int]]:
     """The verdict on the silhouettes, and the views by whose suspicion it was found, if any."""
     verdict = find_outliers(silhouettes, cameras, frames)
-    told = verdict.outliers and not verdict.refusal
-    if told or not suspects or 2 * len(suspects) > len(silhouettes):
+    if not suspects or 2 * len(suspects) > len(silhouettes):
         return verdict, ()
     again = find_outliers(silhouettes, cameras, frames, suspects)
-    return (verdict, ()) if again.refusal else (again, suspects)
+    if again.refusal or len(again.outliers) <= len(verdict.outliers):
+        return verdict, ()
+    return again, suspects
 
 
 def _refuse_too_few(decision: Decision, fewest: int, views: Sequence[str]) -> None:
