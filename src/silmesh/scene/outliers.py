@@ -105,7 +105,8 @@ def _find_contradicted(
     This works in rounds. The views that the trusted ones contradict most are not trusted in the
     next round, and are trusted again if that round clears them.
     """
-    trusted = np.setdiff1d(np.flatnonzero(shown), suspects)
+    suspected = np.isin(np.arange(len(shown)), suspects)
+    trusted = np.flatnonzero(shown & ~suspected)
     unexplained, missing = disagreement(silhouettes, cameras, frames, trusted, TOLERANCES[-1])
     bad = shown & (_excess(unexplained, missing, trusted) > 0)
     tolerances = TOLERANCES if bad.any() else ()
@@ -118,7 +119,8 @@ def _find_contradicted(
         worst = bad & (excess > excess[shown].max() / 2) if tolerance < TOLERANCES[-1] else bad
         if 2 * worst.sum() > shown.sum():
             break
-        trusted = np.flatnonzero(shown & ~worst)
+        lost = worst | (bad & suspected)
+        trusted = np.flatnonzero(shown & ~lost)
     return unexplained, missing, bad
 
 
