@@ -36,6 +36,7 @@ NOISE, INDEPENDENT = 0.15, 3  # pixels of error of a point; independent measurem
 SOFT = 1.0  # pixels: residuals beyond count less
 STEPS = 12  # of each of the two fits at most
 LONGEST, SHORTEST = 0.02, 3e-4  # radians: of a step; steps shorter than this end a fit
+RADIUS = 1.2 * OBJECT_RADIUS  # of the sphere in which the rays are followed
 NUDGE = 0.002  # radians: of the differences that give the derivatives
 
 
@@ -91,19 +92,16 @@ def _fit(outlines: Outlines, cameras: Cameras, turns: np.ndarray, spread: float)
 
 def _measure(outlines: Outlines, cameras: Cameras) -> Misses:
     """By how far the rays miss, in the sphere that holds the object and a little beyond."""
-    nearest = float(cameras.t[:, 2].min())
-    return find_misses(outlines, _pose(outlines, cameras), 1.2 * OBJECT_RADIUS / nearest)
+    return find_misses(outlines, _pose(outlines, cameras), RADIUS)
 
 
 def _pose(outlines: Outlines, cameras: Cameras) -> Pose:
-    """The cameras as the kernels take them; rays are as long as the object's middle is deep."""
+    """The cameras, each with its own K, as the kernels take them."""
     points = outlines.points
     rays = np.concatenate([points, np.ones_like(points[..., :1])], axis=2)
-    rays = rays @ np.linalg.inv(cameras.K.numpy()).transpose(0, 2, 1)
-    depth = cameras.t[:, 2].numpy()[:, None, None]
-    return Pose(
-        cameras.projections.numpy(), cameras.centres.numpy(), depth * rays @ cameras.R.numpy(), 1.0
-    )
+    rays = rays @ np.linalg.inv(cameras.K.numpy()).transpose(0, 2, 1) @ cameras.R.numpy()
+    middle = np.ascontiguousarray(cameras.t[:, 2].numpy())
+    return Pose(cameras.projections.numpy(), cameras.centres.numpy(), rays, middle)
 
 
 def _differentiate(
