@@ -16,7 +16,7 @@ on, on finer grids.
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +31,8 @@ HALF = 1.2 * OBJECT_RADIUS  # half the side of the grids, whose middle is the wo
 DEPTHS = 96  # of a ray's samples, from one side of the grid to the other
 NEAR = 0.02  # a depth is looked at if the ray's own hull is missed by so much more than at best
 APART = 12.0  # degrees between the rotations that are tried first
+CLEARLY = 3.0  # standard errors over the views by which one has to fit worse to be ruled out
+SAME = 1e-8  # mean square residuals, in units of the world squared, whose difference says nothing
 DISTINCT = 10.0  # degrees between rotations that count as two
 LIKELY = 1 / 3, 3.0  # bounds of the scale
 
@@ -52,7 +54,12 @@ class Level(NamedTuple):
     steps: int
 
 
-LEVELS = (Level(32, 12, 12, 0, 4), Level(48, 24, 24, 300, 10), Level(96, 48, 64, 24, 30))
+LEVELS = (
+    Level(32, 12, 12, 100_000, 0),
+    Level(32, 12, 12, 1000, 5),
+    Level(48, 24, 24, 100, 10),
+    Level(72, 48, 64, 12, 30),
+)
 
 
 @dataclass(frozen=True)
@@ -80,13 +87,36 @@ class Turning:
         """Degrees between the two rotations."""
         return float(np.degrees(Rotation.from_matrix(self.Q.T @ other.Q).magnitude()))
 
+    def explains_as_well(self, other: "Turning") -> bool:
+        """Whether the other's views fit worse only by what their spread allows."""
+        worse = other.squares - self.squares
+        return float(worse.mean()) < CLEARLY * float(worse.std()) / len(worse) ** 0.5 + SAME
+
+    def axis_to(self, other: "Turning") -> tuple[np.ndarray, np.ndarray]:
+        """The axis in the first world about which the other is turned against this one.
+
+        Returns:
+            a unit vector [3], and the point [3] of the axis that is nearest to the origin, as well
+            as both worlds allow
+        """
+        between = other.Q @ self.Q.T
+        shift = other.c - other.s / self.s * between @ self.c
+        turn = Rotation.from_matrix(between).as_rotvec()
+        point = np.linalg.lstsq(np.eye(3) - between, shift, rcond=1e-3)[0]
+        return turn / np.linalg.norm(turn), point
+
+    def turned_about(self, axis: np.ndarray, point: np.ndarray, degrees: float) -> "Turning":
+        """The same after a turn about an axis of the first world; its ``squares`` are not known."""
+        turn = Rotation.from_rotvec(np.radians(degrees) * axis).as_matrix()
+        return Turning(
+            turn @ self.Q, self.s, turn @ (self.c - point) + point, np.full_like(self.squares, np.nan)
+        )
+
     def bring(self, cameras: Cameras) -> Cameras:
         """Cameras of the second world in the first, up to the scale, which no image shows.
 
         R Y + t = R Q^T (X - c) / s + t, so s times that is R Q^T X + s t - R Q^T c.
         """
-        from dataclasses import replace
-
         R = cameras.R @ torch.as_tensor(self.Q.T)
         t = self.s * cameras.t - R @ torch.as_tensor(self.c)
         return replace(cameras, R=R, t=t)
@@ -163,20 +193,13 @@ class Half:
 
 def find_turnings(first: Half, second: Half, apart: float = APART) -> list[Turning]:
     """Distinct similarities between the worlds of two sets, the most coherent first."""
-    starts = [
-        (Q, 1.0, np.zeros(3)) for Q in _spread_rotations(apart)
-    ]
+    starts = [(Q, 1.0, np.zeros(3)) for Q in _spread_rotations(apart)]
     for level in LEVELS:
         sides = first.look(level), second.look(level)
-        if level.kept:
-            starts = _keep_distinct(starts, level.kept)
-        found = _descend_all(sides, starts, level.steps)
-        found.sort(key=lambda one: one[3])
-        starts = [one[:3] for one in found]
-    turnings = [
-        Turning(Q, s, c, _judge(*sides, Q, s, c, len(first.cameras), len(second.cameras)))
-        for Q, s, c in _keep_distinct(starts, level.kept)
-    ]
+        found = _descend_all(sides, starts[: level.kept], level.steps)
+        starts = _keep_distinct([one[:3] for one in sorted(found, key=lambda one: one[3])])
+    counts = len(first.cameras), len(second.cameras)
+    turnings = [Turning(*start, _judge(*sides, *start, *counts)) for start in starts]
     return sorted(turnings, key=lambda one: one.cost)
 
 
@@ -206,16 +229,17 @@ def _spread_rotations(apart: float) -> np.ndarray:
     return np.concatenate([(tilts * one).as_matrix() for one in about])
 
 
-def _keep_distinct(starts: Sequence[tuple], most: int) -> list[tuple]:
-    """The first of some similarities whose rotations are distinct, at most so many."""
-    least = 1 + 2 * np.cos(np.radians(DISTINCT / 2))
-    kept: list[tuple] = []
+def _keep_distinct(starts: Sequence[tuple]) -> list[tuple]:
+    """The first of all similarities whose rotations are less than ``DISTINCT`` apart."""
+    least = 1 + 2 * np.cos(np.radians(DISTINCT))  # trace of the rotation between them
+    kept = np.empty((len(starts), 9))
+    chosen: list[tuple] = []
     for start in starts:
-        if all((start[0] * other[0]).sum() < least for other in kept):
-            kept.append(start)
-        if len(kept) == most:
-            break
-    return kept
+        row = start[0].ravel()
+        if (kept[: len(chosen)] @ row < least).all():
+            kept[len(chosen)] = row
+            chosen.append(start)
+    return chosen
 
 
 @njit(nogil=True, cache=True, error_model="numpy")

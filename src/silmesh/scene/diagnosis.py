@@ -167,7 +167,7 @@ def _describe_order(silhouettes: np.ndarray, views: Sequence[View]) -> list[str]
     rounds = find_rounds(series)
     if len(rounds) > 1:
         return [_say_rounds(rounds, views)]
-    if parts := _split_by_time(views):
+    if parts := split_by_time(views):
         return [_say_rounds(parts, views, "taken with a long pause between")]
     if alternates(series):
         return [
@@ -218,7 +218,7 @@ def _describe_gaps(series: Series, views: Sequence[View]) -> list[str]:
     ]
 
 
-def _split_by_time(views: Sequence[View]) -> list[range]:
+def split_by_time(views: Sequence[View]) -> list[range]:
     """Two series with a long pause between, if the photographs' EXIF data show one."""
     times = [_read_time(view) for view in views]
     if len(views) < 2 * LEAST or None in times:

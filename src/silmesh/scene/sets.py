@@ -1,0 +1,96 @@
+"""Sets of photographs, each with the cameras of a turntable of its own, joined in one world."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from PIL import Image
+
+from silmesh.cameras.attempt import Attempt
+from silmesh.cameras.calibrate import calibrate_views
+from silmesh.progress import Share, untold, within
+from silmesh.scene.diagnosis import split_by_time
+from silmesh.scene.joined import FEWEST, join_attempts
+from silmesh.scene.series import find_rounds, prepare
+from silmesh.views import View
+
+SOURCE = "calibrate"
+
+
+def calibrate_sets(
+    silhouettes: np.ndarray,
+    views: Sequence[View],
+    sets: Sequence[Sequence[str]] = (),
+    pictures: Mapping[str, Image.Image] | None = None,
+    progress: Share = untold,
+    **known: float | bool | None,
+) -> Attempt:
+    """``calibrate_views``, each set by itself, and the sets joined.
+
+    Args:
+        silhouettes: [views, size, size] bool
+        views: these views, in the order in which they were taken
+        sets: the views of each set by their names; if there are none and no one turntable explains
+            all views, the sets that the silhouettes or the times of the photographs propose
+        pictures: the working images by the views' names
+        known: of the turntable, as ``calibrate`` takes it
+    """
+    if sets:
+        return _calibrate_each(silhouettes, views, _place(sets, views), pictures, progress, known)
+    whole = calibrate_views(silhouettes, views, progress=progress, **known)
+    if whole.cameras is not None or not (parts := propose_sets(silhouettes, views)):
+        return whole
+    joined = _calibrate_each(silhouettes, views, parts, pictures, progress, known)
+    if joined.cameras is None:
+        return replace(whole, refusal=f"{whole.refusal}; tried as {len(parts)} sets: {joined.refusal}")
+    said = (
+        f"cameras 'calibrate': no one turntable explains all {len(views)} views, so they were taken "
+        f"as {len(parts)} sets: {', '.join(_name([views[i] for i in part]) for part in parts)}"
+    )
+    return replace(joined, warnings=(said, *joined.warnings))
+
+
+def propose_sets(silhouettes: np.ndarray, views: Sequence[View]) -> list[list[int]]:
+    """Positions of the views of each set, by the silhouettes or a long pause; none if it is one."""
+    shown = np.flatnonzero(silhouettes.any(axis=(1, 2)))
+    rounds = find_rounds(prepare(silhouettes[shown])) if len(shown) >= 2 * FEWEST else []
+    if len(rounds) > 1:
+        ends = [int(shown[part[0]]) for part in rounds[1:]]
+        return [list(part) for part in np.split(np.arange(len(views)), ends)]
+    return [list(part) for part in split_by_time(views)]
+
+
+def _place(sets: Sequence[Sequence[str]], views: Sequence[View]) -> list[list[int]]:
+    """Positions of the views of each set, in the order of the views."""
+    place = {view.view: i for i, view in enumerate(views)}
+    return [sorted(place[name] for name in names) for names in sets]
+
+
+def _calibrate_each(
+    silhouettes: np.ndarray,
+    views: Sequence[View],
+    parts: Sequence[Sequence[int]],
+    pictures: Mapping[str, Image.Image] | None,
+    progress: Share,
+    known: Mapping[str, float | bool | None],
+) -> Attempt:
+    attempts = []
+    for n, part in enumerate(parts):
+        some = [views[i] for i in part]
+        if len(some) < FEWEST:
+            why = f"has {len(some)} views; a set that is joined with another takes {FEWEST} or more"
+            return _refuse(some, why)
+        share = within(progress, n / (len(parts) + 1), (n + 1) / (len(parts) + 1))
+        attempt = calibrate_views(silhouettes[list(part)], some, progress=share, **known)
+        if attempt.cameras is None:
+            return _refuse(some, f"taken by itself: {attempt.refusal}")
+        attempts.append(attempt)
+    return join_attempts(attempts, views, silhouettes, pictures)
+
+
+def _refuse(some: Sequence[View], why: str) -> Attempt:
+    return Attempt(SOURCE, None, refusal=f"cameras {SOURCE!r}: the set {_name(some)} {why}")
+
+
+def _name(some: Sequence[View]) -> str:
+    return f"{some[0].view!r} to {some[-1].view!r} ({len(some)} views)"
