@@ -637,6 +637,7 @@ class _Search:
                 torch.get_num_threads(),
                 Path(scratch),
                 self.progress,
+                self.photographs.images,
             )
 
 
