@@ -114,7 +114,9 @@ def run(name: str, other: str, size: int, seed: int, calibrated: bool) -> dict:
     if other != name:
         return case
     case["degrees_off"] = relative_error(sets, Q, found.cameras)
-    return case | ({} if calibrated else compare_volumes(views, silhouettes, sets, found, verts, faces))
+    return case | (
+        {} if calibrated else compare_volumes(views, silhouettes, sets, found, verts, faces)
+    )
 
 
 def relative_error(sets: list[Cameras], Q: np.ndarray, found: Cameras) -> float:
@@ -172,7 +174,7 @@ def main() -> None:
         name, other = (objects[(i + k) % len(objects)] for k in (0, int(given.mismatched)))
         case = run(name, other, given.size, given.first + i, given.calibrate)
         cases.append(case)
-        print(json.dumps(case), flush=True)  # noqa: T201
+        print(json.dumps(case), flush=True)
     if given.json:
         given.json.write_text(json.dumps(cases, indent=1) + "\n", encoding="utf-8")
 

@@ -109,7 +109,10 @@ class Turning:
         """The same after a turn about an axis of the first world; its ``squares`` are not known."""
         turn = Rotation.from_rotvec(np.radians(degrees) * axis).as_matrix()
         return Turning(
-            turn @ self.Q, self.s, turn @ (self.c - point) + point, np.full_like(self.squares, np.nan)
+            turn @ self.Q,
+            self.s,
+            turn @ (self.c - point) + point,
+            np.full_like(self.squares, np.nan),
         )
 
     def bring(self, cameras: Cameras) -> Cameras:

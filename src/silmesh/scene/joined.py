@@ -16,6 +16,7 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from silmesh.cameras.attempt import Attempt
+from silmesh.cameras.sets import FEWEST
 from silmesh.cameras.turned import Half, Turning, find_turnings
 from silmesh.cameras.turned_colours import correlate_colours
 from silmesh.errors import InputError
@@ -24,8 +25,9 @@ from silmesh.geometry.visual_hull import carve
 from silmesh.scene.agreement import Normalised, normalise
 from silmesh.views import View
 
-FEWEST = 5  # views of a set
-LOSS = 0.05  # of the hull IoU that joining may cost over that of the sets alone
+# What both sets lack of a hull IoU of 1 may be so many times what the worse of them lacks alone, and
+# LOSS more.
+TIMES, LOSS = 2.0, 0.02
 AGREE, BETTER = 0.3, 0.1  # least correlation of colours that decides, and by how much it leads
 RIVALS = 6  # most rotations that silhouettes leave, which are compared by colours
 COARSE = 48  # samples a side of hulls whose surface is coloured
@@ -151,7 +153,7 @@ def _join(first: Part, second: Part) -> tuple[Part, dict[str, Any]]:
         },
         **judged,
     }  # fmt: skip
-    if coherence < min(alone) - LOSS:
+    if 1 - coherence > TIMES * (1 - min(alone)) + LOSS:
         raise InputError(
             f"{_name(first)} and {_name(second)} do not join: at best, of all rotations, the body "
             f"that both sets allow fills {coherence:.3f} of the silhouettes (hull IoU), and those "
@@ -197,10 +199,7 @@ def _bring(
 def _concatenate(*cameras: Cameras) -> Cameras:
     return Cameras(
         tuple(view for one in cameras for view in one.views),
-        *(
-            torch.cat([getattr(one, name) for one in cameras])
-            for name in ("sizes", "K", "R", "t")
-        ),
+        *(torch.cat([getattr(one, name) for one in cameras]) for name in ("sizes", "K", "R", "t")),
         tuple(lens for one in cameras for lens in one.lenses),
     )
 
@@ -302,7 +301,7 @@ def _say_join(first: Part, second: Part, join: Mapping[str, Any]) -> str:
     alone = join["alone"]
     by = {
         "silhouettes": "silhouettes",
-        "colours": "silhouettes, of which several rotations are alike, and the photographs' colours",
+        "colours": "silhouettes and, where these leave several rotations, their colours",
     }[join["by"]]
     other = join["runner_up"]
     runner_up = (

@@ -16,6 +16,7 @@ from silmesh.cameras.colmap import attempt_model
 from silmesh.cameras.features import extract, keep_inside
 from silmesh.cameras.mapping import map_views
 from silmesh.cameras.matching import match
+from silmesh.cameras.sets import FEWEST
 from silmesh.cameras.stages import (
     APART,
     DATABASE,
@@ -28,7 +29,7 @@ from silmesh.cameras.stages import (
 from silmesh.geometry.thresholds import COHERENT
 from silmesh.progress import Share, untold, within
 from silmesh.scene.agreement import NEAR, refuse_incoherent
-from silmesh.scene.joined import FEWEST, join_attempts
+from silmesh.scene.joined import join_attempts
 from silmesh.settings.cameras import Colmap
 from silmesh.views import View
 
@@ -128,7 +129,7 @@ def judge_model(
     silhouettes: np.ndarray,
     pictures: Pictures = None,
 ) -> Attempt:
-    """The attempt that a model comes to, with the models of other views that lie apart joined to it.
+    """The attempt that a model comes to, models that lie apart joined to it.
 
     Args:
         source: what to call it

@@ -8,13 +8,14 @@ from PIL import Image
 
 from silmesh.cameras.attempt import Attempt
 from silmesh.cameras.calibrate import calibrate_views
+from silmesh.cameras.rounds import propose, read_signs
+from silmesh.cameras.sets import FEWEST
 from silmesh.progress import Share, untold, within
-from silmesh.scene.diagnosis import split_by_time
-from silmesh.scene.joined import FEWEST, join_attempts
-from silmesh.scene.series import find_rounds, prepare
+from silmesh.scene.joined import join_attempts
 from silmesh.views import View
 
 SOURCE = "calibrate"
+TRIED = 2  # proposals of sets that are tried at most, the clearest first
 
 
 def calibrate_sets(
@@ -31,33 +32,32 @@ def calibrate_sets(
         silhouettes: [views, size, size] bool
         views: these views, in the order in which they were taken
         sets: the views of each set by their names; if there are none and no one turntable explains
-            all views, the sets that the silhouettes or the times of the photographs propose
+            all views, the sets that names, sizes, times or silhouettes of the photographs propose
         pictures: the working images by the views' names
         known: of the turntable, as ``calibrate`` takes it
     """
     if sets:
         return _calibrate_each(silhouettes, views, _place(sets, views), pictures, progress, known)
     whole = calibrate_views(silhouettes, views, progress=progress, **known)
-    if whole.cameras is not None or not (parts := propose_sets(silhouettes, views)):
+    if whole.cameras is not None:
         return whole
-    joined = _calibrate_each(silhouettes, views, parts, pictures, progress, known)
-    if joined.cameras is None:
-        return replace(whole, refusal=f"{whole.refusal}; tried as {len(parts)} sets: {joined.refusal}")
-    said = (
-        f"cameras 'calibrate': no one turntable explains all {len(views)} views, so they were taken "
-        f"as {len(parts)} sets: {', '.join(_name([views[i] for i in part]) for part in parts)}"
+    tried = []
+    for split in propose(silhouettes, read_signs(views))[:TRIED]:
+        parts = [part.tolist() for part in split.rounds]
+        joined = _calibrate_each(silhouettes, views, parts, pictures, progress, known)
+        if joined.cameras is not None:
+            said = _say_taken(parts, views, split.because)
+            return replace(joined, warnings=(said, *joined.warnings))
+        tried.append(f"taken as {len(parts)} sets, by {split.because}: {joined.refusal}")
+    return replace(whole, refusal="; ".join([str(whole.refusal), *tried]))
+
+
+def _say_taken(parts: Sequence[Sequence[int]], views: Sequence[View], why: str) -> str:
+    named = ", ".join(_name([views[i] for i in part]) for part in parts)
+    return (
+        f"cameras {SOURCE!r}: no one turntable explains all {len(views)} views, so they were "
+        f"taken as {len(parts)} sets, told apart by {why}: {named}"
     )
-    return replace(joined, warnings=(said, *joined.warnings))
-
-
-def propose_sets(silhouettes: np.ndarray, views: Sequence[View]) -> list[list[int]]:
-    """Positions of the views of each set, by the silhouettes or a long pause; none if it is one."""
-    shown = np.flatnonzero(silhouettes.any(axis=(1, 2)))
-    rounds = find_rounds(prepare(silhouettes[shown])) if len(shown) >= 2 * FEWEST else []
-    if len(rounds) > 1:
-        ends = [int(shown[part[0]]) for part in rounds[1:]]
-        return [list(part) for part in np.split(np.arange(len(views)), ends)]
-    return [list(part) for part in split_by_time(views)]
 
 
 def _place(sets: Sequence[Sequence[str]], views: Sequence[View]) -> list[list[int]]:
