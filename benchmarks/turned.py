@@ -27,8 +27,8 @@ from silmesh.cameras.turntable import orbit_cameras
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.visual_hull import Hull, carve
 from silmesh.scene.agreement import normalise
+from silmesh.scene.calibrated_sets import calibrate_sets
 from silmesh.scene.joined import join_attempts
-from silmesh.scene.sets import calibrate_sets
 from silmesh.softras import soft_silhouettes
 from silmesh.synthetic.dataset import make_object
 from silmesh.synthetic.layout import OBJECTS

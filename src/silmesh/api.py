@@ -625,7 +625,7 @@ class _Search:
         return attempt_turntable(views, known.distance, known.elevation, known.step)
 
     def _calibrate(self, known: Any) -> Attempt:
-        from silmesh.scene.sets import calibrate_sets
+        from silmesh.scene.calibrated_sets import calibrate_sets
 
         views, files = self.photographs.views, self.photographs.files
         named = [view.view for view in views]

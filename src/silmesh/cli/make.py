@@ -74,7 +74,8 @@ def make_mesh(
         keep: the folder to work in; None for one in the cache
         masks: their folder; None where they are not given
         silhouettes, cameras: sources; None where they are to be chosen
-        options: of the configuration: ``turntable``, ``sets``, ``size``, ``init``, ``preset``, ``quality``
+        options: of the configuration: ``turntable``, ``sets``, ``size``, ``init``, ``preset``,
+            ``quality``
 
     Raises:
         InputError: what is named cannot be used

@@ -25,8 +25,8 @@ from silmesh.geometry.visual_hull import carve
 from silmesh.scene.agreement import Normalised, normalise
 from silmesh.views import View
 
-# What both sets lack of a hull IoU of 1 may be so many times what the worse of them lacks alone, and
-# LOSS more.
+# What both sets lack of a hull IoU of 1 may be so many times what the worse lacks alone, and LOSS
+# more.
 TIMES, LOSS = 2.0, 0.02
 AGREE, BETTER = 0.3, 0.1  # least correlation of colours that decides, and by how much it leads
 RIVALS = 6  # most rotations that silhouettes leave, which are compared by colours

@@ -9,7 +9,7 @@ import torch
 
 from silmesh.cameras.attempt import write_attempt
 from silmesh.progress import share_of
-from silmesh.scene.sets import calibrate_sets
+from silmesh.scene.calibrated_sets import calibrate_sets
 from silmesh.settings.cameras import Calibrate
 from silmesh.settings.turntable import parse_turntable
 from silmesh.silhouettes import read_silhouettes
