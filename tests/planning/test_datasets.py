@@ -19,6 +19,7 @@ GOOD = {
     "silhouettes": "mask",
     "cameras": "turntable",
     "turntable": "2.732,0,5",
+    "sets": "",
     "truth": "",
     "variants": "",
 }
