@@ -196,7 +196,7 @@ class Half:
 
 def find_turnings(first: Half, second: Half, apart: float = APART) -> list[Turning]:
     """Distinct similarities between the worlds of two sets, the most coherent first."""
-    starts = [(Q, 1.0, np.zeros(3)) for Q in _spread_rotations(apart)]
+    starts = [(Q, 1.0, np.zeros(3)) for Q in spread_rotations(apart)]
     for level in LEVELS:
         sides = first.look(level), second.look(level)
         found = _descend_all(sides, starts[: level.kept], level.steps)
@@ -215,7 +215,7 @@ def _descend_all(sides: tuple[_Side, _Side], starts: Sequence[tuple], steps: int
         return list(pool.map(descend, starts))
 
 
-def _spread_rotations(apart: float) -> np.ndarray:
+def spread_rotations(apart: float) -> np.ndarray:
     """Rotations all over SO(3) about so many degrees apart: [n, 3, 3].
 
     Directions on a spiral of equal areas, each with even turns about it.

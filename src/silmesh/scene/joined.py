@@ -28,7 +28,9 @@ from silmesh.views import View
 # What both sets lack of a hull IoU of 1 may be so many times what the worse lacks alone, and LOSS
 # more.
 TIMES, LOSS = 2.0, 0.02
-AGREE, BETTER = 0.3, 0.1  # least correlation of colours that decides, and by how much it leads
+# Colours decide if their correlation is AGREE at least, and lacks of 1 at most BETTER of what that
+# of any other rotation lacks.
+AGREE, BETTER = 0.3, 0.8
 RIVALS = 6  # most rotations that silhouettes leave, which are compared by colours
 COARSE = 48  # samples a side of hulls whose surface is coloured
 TURN, FINER = 5.0, 1.0  # degrees between the turns about the axis of a body of revolution
@@ -225,7 +227,7 @@ def _choose(
     far = [i for i in order if chosen.angle_to(candidates[i]) > 2 * TURN]
     second = float(agreed[far[0]]) if far else 0.0
     notes["colours"] = {"correlation": float(agreed[order[0]]), "runner_up": second}
-    if agreed[order[0]] < max(AGREE, second + BETTER):
+    if agreed[order[0]] < AGREE or 1 - agreed[order[0]] > BETTER * (1 - second):
         return best, notes
     if lathe:
         chosen = _refine(chosen, best, rivals, parts, worlds)
