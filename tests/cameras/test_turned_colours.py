@@ -46,7 +46,7 @@ def test_the_right_turn_has_colours_that_agree():
     # The second set's own world Y has the ball at X = SCALE Q Y + SHIFT.
     shown = picture(turn_over(second))
     right = Turning(Q, SCALE, np.full(3, SHIFT), np.zeros(1))
-    wrong = right.turned_about(np.array([0.0, 1.0, 0.0]), np.zeros(3), 40.0)
+    wrong = right.turned_about(np.array([0.0, 1.0, 0.0]), np.zeros(3), 120.0)
     a, b = correlate_colours(
         RADIUS * NORMALS, NORMALS, (first, picture(first)), (second, shown), [right, wrong]
     )
