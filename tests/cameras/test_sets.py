@@ -40,6 +40,6 @@ def test_an_empty_cell_names_no_set():
     ],
 )
 def test_what_names_no_sets_is_refused(cell, said):
-    with pytest.raises(InputError, match="^sets: ") as refusal:
+    with pytest.raises(InputError, match=r"^sets: ") as refusal:
         find_sets(cell, VIEWS, FOLDERS)
     assert said in str(refusal.value)

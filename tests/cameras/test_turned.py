@@ -36,8 +36,10 @@ def test_a_turn_about_an_axis_is_found_again():
 def test_one_explains_as_well_what_differs_by_less_than_its_spread():
     squares = np.array([1.0, 2, 1, 2])
     best = Turning(Q, 1.0, np.zeros(3), squares)
-    assert best.explains_as_well(Turning(Q, 1.0, np.zeros(3), squares + [1, -1, 1, -1]))
-    assert not best.explains_as_well(Turning(Q, 1.0, np.zeros(3), squares + [1, 1, 1, 1.5]))
+    assert best.explains_as_well(Turning(Q, 1.0, np.zeros(3), squares + np.array([1, -1, 1, -1])))
+    assert not best.explains_as_well(
+        Turning(Q, 1.0, np.zeros(3), squares + np.array([1, 1, 1, 1.5]))
+    )
 
 
 def test_every_rotation_is_near_one_of_those_that_are_tried():

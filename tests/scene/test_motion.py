@@ -15,7 +15,8 @@ from silmesh.scene.motion import judge_model
 from silmesh.views import place_view
 
 SIZE, COUNT, KEPT = 64, 12, 8
-VIEWS = [place_view(name, "", SIZE, SIZE, SIZE, "pad") for name in names(COUNT)]
+NAMES = tuple(names(COUNT))
+VIEWS = [place_view(name, "", SIZE, SIZE, SIZE, "pad") for name in NAMES]
 POINTS = np.random.default_rng(0).uniform(-0.3, 0.3, (80, 3))
 
 
@@ -50,7 +51,7 @@ def write_model(folder, cameras):
     model.write(folder)
 
 
-def make_model(folder, completed, largest, views=tuple(names(COUNT))):
+def make_model(folder, completed, largest, views=NAMES):
     """The stage of a model of ``completed`` cameras that was made of one of ``largest``."""
 
     def work(part, report):
