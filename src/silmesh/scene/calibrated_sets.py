@@ -15,6 +15,7 @@ from silmesh.scene.joined import join_attempts
 from silmesh.views import View
 
 SOURCE = "calibrate"
+MANY = 0.3  # of the views: if one turntable leaves out so many, sets are tried as well
 TRIED = 2  # proposals of sets that are tried at most, the clearest first
 
 
@@ -32,24 +33,32 @@ def calibrate_sets(
         silhouettes: [views, size, size] bool
         views: these views, in the order in which they were taken
         sets: the views of each set by their names; if there are none and no one turntable explains
-            all views, the sets that names, sizes, times or silhouettes of the photographs propose
+            most views, the sets that names, sizes, times or silhouettes of the photographs propose
         pictures: the working images by the views' names
         known: of the turntable, as ``calibrate`` takes it
     """
     if sets:
         return _calibrate_each(silhouettes, views, _place(sets, views), pictures, progress, known)
     whole = calibrate_views(silhouettes, views, progress=progress, **known)
-    if whole.cameras is not None:
+    if whole.cameras is not None and len(_disagreeing(whole)) < MANY * len(views):
         return whole
     tried = []
     for split in propose(silhouettes, read_signs(views))[:TRIED]:
         parts = [part.tolist() for part in split.rounds]
         joined = _calibrate_each(silhouettes, views, parts, pictures, progress, known)
-        if joined.cameras is not None:
+        better = whole.cameras is None or len(_disagreeing(joined)) < len(_disagreeing(whole))
+        if joined.cameras is not None and better:
             said = _say_taken(parts, views, split.because)
             return replace(joined, warnings=(said, *joined.warnings))
         tried.append(f"taken as {len(parts)} sets, by {split.because}: {joined.refusal}")
+    if whole.cameras is not None:
+        return whole
     return replace(whole, refusal="; ".join([str(whole.refusal), *tried]))
+
+
+def _disagreeing(attempt: Attempt) -> Mapping[str, str]:
+    """The views that had no say, and why."""
+    return attempt.figures.get("disagreeing", {})
 
 
 def _say_taken(parts: Sequence[Sequence[int]], views: Sequence[View], why: str) -> str:
