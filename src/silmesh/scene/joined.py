@@ -17,9 +17,9 @@ from scipy.spatial.transform import Rotation
 
 from silmesh.cameras.attempt import Attempt
 from silmesh.cameras.sets import FEWEST
-from silmesh.cameras.turned import Half, Turning, find_turnings
+from silmesh.cameras.turned import DISTINCT, Half, Turning, find_turnings
 from silmesh.cameras.turned_colours import correlate_colours
-from silmesh.errors import InputError
+from silmesh.errors import InputError, blaming
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.visual_hull import carve
 from silmesh.scene.agreement import Normalised, normalise
@@ -61,9 +61,10 @@ class Part:
     def normalised(self) -> Normalised:
         """Its cameras in its normalised world."""
         suspects = self.attempt.figures.get("disagreeing", ())
-        return normalise(
-            self.attempt.cameras, self.silhouettes, frames=self.frames, suspects=suspects
-        )
+        with blaming(_name(self)):
+            return normalise(
+                self.attempt.cameras, self.silhouettes, frames=self.frames, suspects=suspects
+            )
 
 
 def join_attempts(
@@ -137,11 +138,11 @@ def _join(first: Part, second: Part) -> tuple[Part, dict[str, Any]]:
     halves = [_prepare(*both) for both in zip((first, second), worlds, strict=True)]
     turnings = find_turnings(*halves)
     best, judged = _choose(turnings, (first, second), worlds)
-    alone = [world.mean for world in worlds]
     joined = _bring(first, second, worlds, best)
-    coherence = joined.normalised().mean
-    rival = next((t for t in turnings if t is not best and best.angle_to(t) > 1), None)
-    runner_up = _bring(first, second, worlds, rival).normalised().mean if rival else None
+    coherence, alone = joined.normalised().overall, [world.overall for world in worlds]
+    if 1 - coherence > TIMES * (1 - min(alone)) + LOSS:
+        raise InputError(_say_apart(first, second, coherence, alone))
+    others = [one for one in turnings if best.angle_to(one) > DISTINCT / 2]
     join = {
         "views": [len(first.views), len(second.views)],
         "rotation": best.Q.tolist(),
@@ -150,20 +151,23 @@ def _join(first: Part, second: Part) -> tuple[Part, dict[str, Any]]:
         "angle": float(np.degrees(Rotation.from_matrix(best.Q).magnitude())),
         "coherence": coherence,
         "alone": alone,
-        "runner_up": None if rival is None else {
-            "apart": best.angle_to(rival), "coherence": runner_up
-        },
+        "runner_up": None,
         **judged,
-    }  # fmt: skip
-    if 1 - coherence > TIMES * (1 - min(alone)) + LOSS:
-        raise InputError(
-            f"{_name(first)} and {_name(second)} do not join: at best, of all rotations, the body "
-            f"that both sets allow fills {coherence:.3f} of the silhouettes (hull IoU), and those "
-            f"that each allows alone {alone[0]:.3f} and {alone[1]:.3f}. Do both show the same "
-            "object, that kept its shape when it was turned over, and its mirror image in neither?"
-        )
+    }
+    if others:
+        rival = _bring(first, second, worlds, others[0]).normalised().overall
+        join["runner_up"] = {"apart": best.angle_to(others[0]), "coherence": rival}
     join["said"] = [_say_join(first, second, join), *_say_ambiguous(join)]
     return joined, join
+
+
+def _say_apart(first: Part, second: Part, coherence: float, alone: Sequence[float]) -> str:
+    return (
+        f"{_name(first)} and {_name(second)} do not join: at best, of all rotations, the body that "
+        f"both sets allow fills {coherence:.3f} of the silhouettes (hull IoU), and those that each "
+        f"allows alone {alone[0]:.3f} and {alone[1]:.3f}. Both should show the same object, which "
+        "kept its shape when it was turned over"
+    )
 
 
 def _prepare(part: Part, world: Normalised) -> Half:
