@@ -35,6 +35,7 @@ from silmesh.views import View
 
 Pictures = Mapping[str, PIL.Image.Image] | None
 SOURCE, MASKED = "colmap", "colmap, masked"
+SET = 0.3  # of the largest model's views: a model apart that has fewer is a splinter, and no set
 MATCHED = 0.6  # share of the run time after which the photographs are matched, for the progress
 
 
@@ -152,18 +153,22 @@ def judge_model(
 def _find_parts(model: Path, views: Sequence[View]) -> dict[Path, list[View]]:
     """The models of a stage that have views of their own, and which: the one with the most first.
 
-    A view that has a camera in several is left to the first. Those that no model has go with the
-    first one, which explains what became of them.
+    None where no model lies apart. A view that has a camera in several is left to the first, and
+    splinters are left out. Views that no model has go with the first one, which explains what
+    became of them.
     """
     parts: dict[Path, list[View]] = {}
-    left = list(views)
+    left, least = list(views), 0.0
+    if not (model / APART).is_dir():
+        return parts
     for folder in (model / MODEL, *sorted((model / APART).glob("*"))):
         if folder.is_dir():
             found = pycolmap.Reconstruction(folder)
             named = {image.name for image in found.images.values() if image.has_pose}
             own = [view for view in left if view.view in named]
-            if len(own) >= FEWEST or not parts:
+            if len(own) >= least:
                 parts[folder] = own
+                least = max(FEWEST, SET * len(own)) if len(parts) == 1 else least
                 left = [view for view in left if view.view not in named]
     if parts:
         first = next(iter(parts))
