@@ -6,7 +6,7 @@ what else a person should know of the result.
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 
@@ -18,25 +18,18 @@ from silmesh.cameras.attempt import CHECK_SERIES, Attempt
 from silmesh.cameras.consensus import Consensus
 from silmesh.cameras.rounds import (
     Signs,
-    Split,
+    describe_short,
     find_given,
-    is_in_order,
-    propose,
     read_signs,
-    repeats_first,
 )
 from silmesh.cameras.silhouette_coherence import Misses, distance_between, trace
+from silmesh.cameras.trying_rounds import Found, fit_any, fit_split
 from silmesh.cameras.turntable_fit import (
     FEWEST_AGREEING,
-    REFUSED_AGREEING,
     SUSPECT,
     Given,
-    TurntableFit,
-    fit_most,
     free_parameters,
     root_mean_square,
-    search,
-    solve,
 )
 from silmesh.cameras.turntable_residuals import (
     ELEVATION,
@@ -50,7 +43,6 @@ from silmesh.cameras.turntable_residuals import (
     part_of,
     place_of,
 )
-from silmesh.cameras.turntable_rounds import fit_rounds
 from silmesh.errors import NAMED, InputError, name_some
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.frame import whole_frames
@@ -78,11 +70,6 @@ REFUSED = 4.0  # pixels, as SUSPECT: root mean square residual from which a turn
 # Share of the views with a silhouette that have to agree on a turntable, beside FEWEST_AGREEING.
 SHARE = 0.55
 FULL = "it fills its photograph"
-SPLITS = 3  # ways to divide the photographs into rounds that are tried
-CLEARLY = 0.8  # of the views: if rounds explain so many, nothing else is tried
-# What has to change from round to round, in the order of ROUND, where more than the table turned:
-# degrees, pixels, the logarithm of the distance.
-MOVED = np.array([2.0, 2.0, 2.0, np.inf, 0.05, np.inf, np.inf])
 TURNED = 5.0  # degrees: phases that differ by less are the same
 
 
@@ -202,108 +189,17 @@ def calibrate(
     repeated = _find_repeated(silhouettes[shown], named)
     fewest = max(SHARE * (len(shown) + len(full)), FEWEST_AGREEING)
     if split:
-        found = _fit_split(turn, split, rounds, silhouettes, above_table, fewest, progress)
+        found = fit_split(turn, split, rounds, silhouettes, above_table, fewest, True, progress)
     else:
-        found = _fit_any(turn, given, silhouettes, signs, fewest, progress)
+        found = fit_any(turn, given, silhouettes, signs, fewest, progress)
     progress(1)
     if found.is_of_all:
-        _refuse_incoherent(found, repeated)
+        _refuse_incoherent(found, repeated, signs)
     verdict = None if found.is_of_all else found.verdict
     disagreeing = {views[i]: FULL for i in full} | _name_disagreeing(verdict, named)
     said = [*repeated, *_warn_of_disagreement(disagreeing, views), *_find_cut(turn, named)]
     pixels = {} if verdict is None else dict(zip(shown, verdict.pixels, strict=True))
     return _report(found, views, pixels, disagreeing, said)
-
-
-@dataclass(frozen=True)
-class _Found:
-    """A fit, how far the views agree with it, and what it is of."""
-
-    fit: TurntableFit
-    verdict: Consensus | None
-    given: Given
-    split: Split | None = None
-
-    @property
-    def is_of_all(self) -> bool:
-        """Whether all views were fitted, so that none was told to disagree."""
-        return self.verdict is None or len(self.fit.turn.index) == len(self.verdict.agrees)
-
-    @property
-    def explained(self) -> int:
-        """How many views it explains."""
-        allowed = REFUSED_AGREEING * self.fit.turn.size / 256
-        return len(self.fit.turn.index) if self.fit.rms <= allowed else 0
-
-
-def _fit_split(
-    turn: Turntable,
-    split: Split,
-    known: Sequence[Known],
-    silhouettes: np.ndarray,
-    above_table: bool,
-    fewest: float,
-    progress: Share,
-) -> _Found:
-    """Fit the rounds of a split; what is known of each comes in their order."""
-    each = [
-        Given(len(views) - repeats_first(silhouettes[views]), one.step, one.elevation, above_table)
-        for views, one in zip(split.rounds, known, strict=True)
-    ]
-    given = replace(each[0], later=tuple(each[1:]))
-    return _Found(*fit_rounds(turn.in_rounds(split.rounds), given, fewest, progress), given, split)
-
-
-def _fit_any(
-    turn: Turntable,
-    given: Given,
-    silhouettes: np.ndarray,
-    signs: Callable[[], Signs | None],
-    fewest: float,
-    progress: Share,
-) -> _Found:
-    """Fit one round and, where it does not explain all views, what else they may be."""
-    tried: list[_Found] = []
-
-    def otherwise() -> tuple[TurntableFit, Consensus | None] | None:
-        for found in _try_others(turn, given, silhouettes, signs, fewest):
-            tried.append(found)
-            if found.fit.rms <= SUSPECT * turn.size / 256 and found.explained >= CLEARLY * len(
-                turn.index
-            ):
-                return found.fit, found.verdict
-        return None
-
-    one = _Found(*fit_most(turn, given, fewest, progress, otherwise), given)
-    best = max(tried, key=lambda found: found.explained, default=one)
-    return best if best.explained > one.explained or best.fit is one.fit else one
-
-
-def _try_others(
-    turn: Turntable,
-    given: Given,
-    silhouettes: np.ndarray,
-    signs: Callable[[], Signs | None],
-    fewest: float,
-) -> Iterator[_Found]:
-    """Fits of the rounds that the photographs show, each made when it is asked for."""
-    if given.step is None and repeats_first(silhouettes):
-        full = replace(given, count=given.count - 1)
-        yield _Found(solve(turn, search(turn, full), full), None, full)
-    for split in propose(silhouettes, signs())[:SPLITS]:
-        if all(is_in_order(silhouettes[views]) for views in split.rounds):
-            same = [Known(None, None, given.step) for _ in split.rounds]
-            found = _fit_split(turn, split, same, silhouettes, given.above_table, fewest, untold)
-            if _moves(found.fit):
-                yield found
-
-
-def _moves(fit: TurntableFit) -> bool:
-    """Whether the camera of any round stands elsewhere than that of the first."""
-    x, turn = fit.best.x, fit.turn
-    first = turn.parameters_of(x, 0)
-    later = [turn.parameters_of(x, number) - first for number in range(1, len(turn.rounds))]
-    return any((np.abs(own) > MOVED).any() for own in later)
 
 
 def calibrate_views(
@@ -423,12 +319,16 @@ def _warn_of_disagreement(disagreeing: dict[str, str], views: Sequence[str]) -> 
     ]
 
 
-def _refuse_incoherent(found: _Found, said: Sequence[str]) -> None:
+def _refuse_incoherent(
+    found: Found, said: Sequence[str], signs: Callable[[], Signs | None]
+) -> None:
     """Refuse a fit of all views whose residuals are too large."""
     fit, verdict = found.fit, found.verdict
     allowed = REFUSED * fit.turn.size / 256
     if fit.rms <= allowed:
         return
+    told = signs()
+    said = [*said, *_say_tried(found), *(describe_short(told) if told else [])]
     most = ""
     if verdict:
         most = (
@@ -441,8 +341,16 @@ def _refuse_incoherent(found: _Found, said: Sequence[str]) -> None:
     )
 
 
+def _say_tried(found: Found) -> list[str]:
+    """Into which rounds the photographs were divided, if they were."""
+    if found.split is None:
+        return []
+    sizes = " and ".join(str(len(views)) for views in found.split.rounds)
+    return [f"they were taken to be rounds of {sizes}, told {found.split.because}"]
+
+
 def _report(
-    found: _Found,
+    found: Found,
     views: Sequence[str],
     pixels: dict[int, float],
     disagreeing: dict[str, str],
@@ -561,7 +469,7 @@ def _say_rounds(rounds: Sequence[Round], because: str) -> list[str]:
         f"{one.estimates['elevation'].value:.1f} degrees)"
         for one in rounds
     )
-    return [f"the photographs are taken to be {len(rounds)} rounds, told by {because}: {said}"]
+    return [f"the photographs are taken to be {len(rounds)} rounds, told {because}: {said}"]
 
 
 def _warn_of_phases(turn: Turntable, x: np.ndarray, rivals: Sequence[np.ndarray]) -> list[str]:
