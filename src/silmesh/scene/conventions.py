@@ -110,7 +110,12 @@ def settle(
     if attempt.source != FILE or keep_world or len(find_shown(silhouettes)) < FEWEST:
         suspects = attempt.figures.get("disagreeing", ())
         return attempt, normalise(
-            attempt.cameras, silhouettes, keep_world, frames=frames, suspects=suspects
+            attempt.cameras,
+            silhouettes,
+            keep_world,
+            frames=frames,
+            suspects=suspects,
+            points=attempt.points,
         )
     faced = _face(attempt, silhouettes)
     normalised, why = _try_to_normalise(faced, silhouettes, frames)
