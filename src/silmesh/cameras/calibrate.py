@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from scipy.optimize import OptimizeResult
 
+from silmesh.cameras.arcs import CUT, find_without_arcs
 from silmesh.cameras.attempt import CHECK_SERIES, Attempt
 from silmesh.cameras.consensus import Consensus
 from silmesh.cameras.silhouette_coherence import Misses, distance_between, trace
@@ -189,7 +190,7 @@ def attempt_calibration(
 ) -> Attempt:
     """``calibrate`` with the same arguments, as an attempt: a refusal is kept, not raised."""
     try:
-        found = calibrate(silhouettes, views, **known)
+        found = find_without_arcs(calibrate, silhouettes, views, **known)
     except InputError as error:
         return Attempt("calibrate", None, refusal=str(error))
     figures = {
@@ -253,7 +254,7 @@ def _find_cut(turn: Turntable, views: Sequence[str]) -> list[str]:
     if not len(cut):
         return []
     names = name_some([repr(views[i]) for i in cut])
-    return [f"the frame cuts the object in {len(cut)} of {len(views)} views: {names}"]
+    return [f"{CUT} {len(cut)} of {len(views)} views: {names}"]
 
 
 def _name_disagreeing(verdict: Consensus | None, views: Sequence[str]) -> dict[str, str]:

@@ -1,0 +1,104 @@
+"""A turntable of outlines whose lower or upper arcs are wrong, as by a plate, a stand or a hand.
+
+Then no choice of whole views is right. The outlines' lower arcs and their upper ones are separate
+evidence: the geometry is found again without the one and without the other, as if the frame cut the
+object there, and is taken if what is left agrees far better.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from silmesh.cameras.turntable_fit import BETTER_FIT, SUSPECT
+from silmesh.errors import InputError
+from silmesh.geometry.frame import whole_frames
+
+if TYPE_CHECKING:
+    from silmesh.cameras.calibrate import Calibration
+
+ARCS = {"lower": 0.2, "upper": 0.2}  # shares of each silhouette's height that are left out
+DISAGREEING = 0.2  # of the views: if more disagree, or outlines miss by much, arcs are left out
+FEWER = 0.5  # of the views that disagreed: most that still do when the wrong arcs are left out
+CUT = "the frame cuts the object in"  # how a warning begins that the left-out arcs bring about
+
+
+def find_without_arcs(
+    calibrate: Callable[..., "Calibration"],
+    silhouettes: np.ndarray,
+    views: Sequence[str],
+    frames: np.ndarray | None = None,
+    **known: Any,
+) -> "Calibration":
+    """The turntable by all of the outlines or, where these contradict each other, by most of each.
+
+    Args:
+        calibrate: finds it; takes the other arguments
+        silhouettes: [views, size, size] bool
+        frames: [views, 4] left, top, right and bottom of the photographs within the images
+
+    Raises:
+        InputError: neither whole outlines nor those without an arc give a turntable
+    """
+    whole, failure = None, None
+    try:
+        whole = calibrate(silhouettes, views, frames=frames, **known)
+    except InputError as error:
+        failure = error
+    if whole is not None and not _is_doubtful(whole, silhouettes):
+        return whole
+    best, arc = whole, ""
+    for name in ARCS:
+        try:
+            part = calibrate(
+                silhouettes, views, frames=leave_out(name, silhouettes, frames), **known
+            )
+        except InputError:
+            continue
+        if _is_better(part, best, silhouettes):
+            best, arc = part, name
+    if best is None:
+        raise failure
+    return _tell(best, whole, arc) if arc else best
+
+
+def leave_out(arc: str, silhouettes: np.ndarray, frames: np.ndarray | None) -> np.ndarray:
+    """Frames [views, 4] that leave out the lower or the upper arc of each silhouette."""
+    left = np.array(whole_frames(silhouettes) if frames is None else frames)
+    for frame, silhouette in zip(left, silhouettes, strict=True):
+        rows = np.flatnonzero(silhouette.any(axis=1))
+        if not len(rows):
+            continue
+        depth = round(ARCS[arc] * len(rows))
+        if arc == "lower":
+            frame[3] = min(frame[3], rows[-1] + 1 - depth)
+        else:
+            frame[1] = max(frame[1], rows[0] + depth)
+    return left
+
+
+def _is_doubtful(found: "Calibration", silhouettes: np.ndarray) -> bool:
+    limit = SUSPECT * silhouettes.shape[1] / 256
+    return found.rms > limit or len(found.disagreeing) > DISAGREEING * len(silhouettes)
+
+
+def _is_better(part: "Calibration", best: "Calibration | None", silhouettes: np.ndarray) -> bool:
+    """Whether outlines without an arc agree, and far better than what was found before."""
+    if _is_doubtful(part, silhouettes):
+        return False
+    if best is None:
+        return True
+    fewer = len(part.disagreeing) <= FEWER * len(best.disagreeing)
+    return fewer and part.rms <= BETTER_FIT * best.rms
+
+
+def _tell(found: "Calibration", whole: "Calibration | None", arc: str) -> "Calibration":
+    """The calibration with what was left out among its warnings."""
+    known = () if whole is None else whole.warnings
+    kept = [line for line in found.warnings if not line.startswith(CUT) or line in known]
+    said = (
+        f"the {arc} arcs of the outlines contradict the rest, as where a plate, a stand or a hand "
+        f"is taken for the object: the {arc} {ARCS[arc]:.0%} of each had no say in the cameras"
+    )
+    return replace(found, warnings=(*kept, said))
