@@ -1,5 +1,6 @@
 """Outlines whose lower arcs are all wrong: the elevation and the axis that they were made with."""
 
+import damage
 import numpy as np
 import pytest
 import torch
@@ -25,23 +26,8 @@ def body(seed: int) -> np.ndarray:
     return np.any(parts, axis=0)
 
 
-def cut_off(seen: np.ndarray) -> np.ndarray:
-    """Without the lowest tenth of the rows that any silhouette has."""
-    rows, left = np.flatnonzero(seen.any(axis=(0, 2))), seen.copy()
-    left[:, rows[-1] - round(0.1 * len(rows)) :] = False
-    return left
-
-
-def put_on_plate(seen: np.ndarray) -> np.ndarray:
-    """With a plate, off the axis and the same in all views, about the lowest tenth."""
-    rows, columns = (np.flatnonzero(seen.any(axis=axes)) for axes in ((0, 2), (0, 1)))
-    v, u = np.mgrid[:SIZE, :SIZE] + 0.5
-    across = (u - SIZE / 2 - 3) / (0.6 * len(columns))
-    return seen | (across**2 + ((v - rows[-1]) / (0.1 * len(rows)) + 0.5) ** 2 < 1)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("spoil", [cut_off, put_on_plate])
+@pytest.mark.parametrize("spoil", [damage.cut_off, damage.put_on_plate])
 def test_a_turntable_is_found_though_the_lower_arcs_of_all_outlines_are_wrong(spoil):
     found = find_without_arcs(calibrate, spoil(body(2)), names(COUNT), step=360 / COUNT)
     assert abs(found.estimates["elevation"].value - ELEVATION) < 1
