@@ -218,6 +218,24 @@ def test_a_fit_does_not_start_from_a_splinter():
     assert first.notes["iou_mean"] == pytest.approx(starts["ellipsoid"]["iou"], abs=0.02)
 
 
+def test_a_prism_is_judged_but_replaced_only_where_it_is_a_splinter():
+    """Of a body it is coarse, and stays; of two balls with a gap between it is one of them."""
+    cameras = turntable(12, SIZE, elevation=10)
+    asked = Init(shape="prism", vertices=300)
+    whole = make_initial_mesh(asked, silhouettes(cameras, AXES, CENTRE), cameras).notes
+    assert whole["shape"] == "prism"
+    assert whole["starts"]["prism"]["kept"] == 1
+    assert whole["starts"]["prism"]["iou"] == pytest.approx(whole["iou_mean"])
+    balls = [silhouettes(cameras, [0.18] * 3, [x, 0, 0]) for x in (-0.24, 0.24)]
+    seen = balls[0] | balls[1] | silhouettes(cameras, [0.4, 0.06, 0.06])
+    seen[:, :, SIZE // 2 - 2 : SIZE // 2 + 2] = False
+    notes = make_initial_mesh(asked, seen, cameras).notes
+    assert set(notes["starts"]) == {"prism", "ellipsoid"}
+    assert notes["starts"]["prism"]["kept"] < 0.95
+    best = max(notes["starts"], key=lambda shape: notes["starts"][shape]["iou"])
+    assert notes["shape"] == best
+
+
 def test_views_that_lose_their_weight_are_named():
     cameras = turntable(24, SIZE, elevation=15)
     seen = silhouettes(cameras, AXES, CENTRE)
