@@ -71,7 +71,12 @@ def measure(
     with TemporaryDirectory() as scratch:
         folder = Path(scratch)
         write(folder, cameras, masks)
-        start = time.process_time()
+        start, fitting = time.process_time(), []
+
+        def tell(stage: str, share: float) -> None:
+            if stage == "fit":
+                fitting.append(time.process_time())
+
         try:
             result = silmesh.reconstruct(
                 folder / "photos",
@@ -79,12 +84,14 @@ def measure(
                 folder / "cameras.json",
                 size=size,
                 settings={"init": {"vertices": vertices}},
+                progress=tell,
                 truth=trimesh.Trimesh(mesh.vertices, mesh.faces, process=True),
             )
         except InputError as error:
             return told | {"refused": str(error)}
     measured = {key: result.metrics[key] for key in KEYS}
     told |= {"views": len(result.cameras), "faces": len(result.mesh.faces)}
+    told |= {"steps": len(fitting), "fit_seconds": fitting[-1] - fitting[0]}
     return told | measured | {"seconds": time.process_time() - start}
 
 

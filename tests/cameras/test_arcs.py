@@ -75,9 +75,15 @@ def test_the_arc_without_which_the_rest_agrees_is_left_out():
 
 def test_views_that_disagree_are_no_reason_if_they_still_do_without_an_arc():
     whole = result(0.1, 4)
-    run, calls = asked(whole, result(0.05, 4), result(0.05, 3))
+    run, calls = asked(whole, result(0.05, 5), result(0.05, 5))
     assert run() is whole
     assert len(calls) == 3
+
+
+def test_outlines_that_agree_better_without_either_arc_are_believed_whole():
+    whole = result(0.6)
+    assert asked(whole, result(0.2), result(0.2))[0]() is whole
+    assert asked(whole, result(0.2), result(0.4))[0]().rms == 0.2
 
 
 def test_what_whole_outlines_refuse_may_be_found_without_an_arc():

@@ -6,12 +6,13 @@ object there, and is taken if what is left agrees far better.
 """
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from silmesh.cameras.turntable_fit import BETTER_FIT, SUSPECT
+from silmesh.cameras.turntable_fit import SUSPECT
 from silmesh.errors import InputError
 from silmesh.geometry.frame import whole_frames
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 ARCS = {"lower": 0.2, "upper": 0.2}  # shares of each silhouette's height that are left out
 DISAGREEING = 0.2  # of the views: if more disagree, or outlines miss by much, arcs are left out
-FEWER = 0.5  # of the views that disagreed: most that still do when the wrong arcs are left out
+FAR_BETTER = 0.6  # of the residual with the wrong arcs: the most without them
 CUT = "the frame cuts the object in"  # how a warning begins that the left-out arcs bring about
 
 
@@ -48,19 +49,18 @@ def find_without_arcs(
         failure = error
     if whole is not None and not _is_doubtful(whole, silhouettes):
         return whole
-    best, arc = whole, ""
-    for name in ARCS:
-        try:
-            part = calibrate(
-                silhouettes, views, frames=leave_out(name, silhouettes, frames), **known
-            )
-        except InputError:
-            continue
-        if _is_better(part, best, silhouettes):
-            best, arc = part, name
-    if best is None:
+    parts = {}
+    for arc in ARCS:
+        with suppress(InputError):
+            left = leave_out(arc, silhouettes, frames)
+            parts[arc] = calibrate(silhouettes, views, frames=left, **known)
+    for arc, part in parts.items():
+        others = [other for name, other in parts.items() if name != arc]
+        if not _is_doubtful(part, silhouettes) and _is_better(part, whole, others):
+            return _tell(part, whole, arc)
+    if whole is None:
         raise failure
-    return _tell(best, whole, arc) if arc else best
+    return whole
 
 
 def leave_out(arc: str, silhouettes: np.ndarray, frames: np.ndarray | None) -> np.ndarray:
@@ -83,14 +83,17 @@ def _is_doubtful(found: "Calibration", silhouettes: np.ndarray) -> bool:
     return found.rms > limit or len(found.disagreeing) > DISAGREEING * len(silhouettes)
 
 
-def _is_better(part: "Calibration", best: "Calibration | None", silhouettes: np.ndarray) -> bool:
-    """Whether outlines without an arc agree, and far better than what was found before."""
-    if _is_doubtful(part, silhouettes):
+def _is_better(
+    part: "Calibration", whole: "Calibration | None", others: Sequence["Calibration"]
+) -> bool:
+    """Whether outlines agree far better without an arc than whole and than without another one.
+
+    Any outlines agree a little better where less of them counts.
+    """
+    if whole is not None and len(part.disagreeing) > len(whole.disagreeing):
         return False
-    if best is None:
-        return True
-    fewer = len(part.disagreeing) <= FEWER * len(best.disagreeing)
-    return fewer and part.rms <= BETTER_FIT * best.rms
+    before = others if whole is None else [whole, *others]
+    return all(part.rms <= FAR_BETTER * other.rms for other in before)
 
 
 def _tell(found: "Calibration", whole: "Calibration | None", arc: str) -> "Calibration":

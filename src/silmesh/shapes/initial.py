@@ -188,16 +188,16 @@ def _describe(carved: Carved, cameras: Cameras) -> dict[str, Any]:
 
 
 def _compare_scale(cameras: Cameras, whole: np.ndarray) -> float:
-    """By which factor areas grow if lengths are measured in pixels of all views, not of some.
+    """By which factor areas grow if they are measured in pixels of all views, not of some.
 
-    A length has the pixels' mean size, so that close-ups, which show a part each, shorten edges
-    only as far as all views together resolve them.
+    A pixel has the mean area of those of all views, so that close-ups, of which each shows a part,
+    make triangles smaller only as far as all views together resolve them.
     """
     if len(whole) == len(cameras):
         return 1.0
     depths = cameras.t[:, 2].abs().clamp(min=OBJECT_RADIUS)
-    sizes = depths / cameras.K[:, 0, 0]
-    return max(1.0, float(sizes[whole].mean() / sizes.mean()) ** 2)
+    areas = (depths / cameras.K[:, 0, 0]).square()
+    return max(1.0, float(areas[whole].mean() / areas.mean()))
 
 
 def take_mesh(name: str, made: Any, radius: float | None = None) -> trimesh.Trimesh:
