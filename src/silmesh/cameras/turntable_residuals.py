@@ -25,6 +25,7 @@ from silmesh.cameras.silhouette_coherence import (
     find_misses,
     make_pose,
     measure_at,
+    uncrop,
 )
 
 WIDTH = 1.6  # world units that the image's side spans at the axis
@@ -67,6 +68,8 @@ class Turntable:
         distance: of the camera from the axis in sizes of the object, if it is known roughly
         index: [views] position of each view in the turn, in steps from the first view; 0, 1, 2, ...
             if not given
+        maps: [views, 2, 2] scale (x, y) and shift (x, y) by which each view was cropped; None if
+            none was
     """
 
     def __init__(
@@ -76,26 +79,35 @@ class Turntable:
         aspect: float = 1.0,
         distance: float | None = None,
         index: np.ndarray | None = None,
+        maps: np.ndarray | None = None,
     ):
         self.outlines = outlines
         self.size = size
         self.aspect = aspect
         self.distance = distance
         self.index = np.arange(len(outlines.points)) if index is None else index
-        low, high = outlines.points.min(axis=1), outlines.points.max(axis=1)  # [views, 2]
+        self.maps = maps
+        points = outlines.points if maps is None else uncrop(outlines.points, maps)
+        low, high = points.min(axis=1), points.max(axis=1)  # [views, 2]
         self.column, self.row = ((low + high) / 2).mean(axis=0)
-        from_middle = (outlines.points - [self.column, self.row]) / [1, aspect]
+        from_middle = (points - [self.column, self.row]) / [1, aspect]
         self.reach = np.linalg.norm(from_middle, axis=2).max()  # pixels
         self.radius = 1.2 * self.reach * WIDTH / size  # about the object's middle, with a margin
 
     def select(self, views: np.ndarray, every: int = 1) -> "Turntable":
         """The same on these views, and every so many-th of their points."""
-        return self.of(self.outlines.select(views, every), self.index[views])
+        maps = None if self.maps is None else self.maps[views]
+        return self.of(self.outlines.select(views, every), self.index[views], maps)
 
     def alone(self, views: np.ndarray) -> "Turntable":
         """A turntable whose silhouettes are those of these views alone."""
         outlines, index = self.outlines.select(views), self.index[views]
-        return Turntable(outlines, self.size, self.aspect, self.distance, index)
+        maps = None if self.maps is None else self.maps[views]
+        return Turntable(outlines, self.size, self.aspect, self.distance, index, maps)
+
+    def cropped(self, maps: np.ndarray) -> "Turntable":
+        """The same turntable before views that were cropped so."""
+        return self.of(self.outlines, self.index, maps)
 
     def thin(self) -> "Turntable":
         """The same turntable with fewer views and points, for the search."""
@@ -112,7 +124,7 @@ class Turntable:
     def only(self, samples: np.ndarray) -> "Turntable":
         """The same turntable with residuals only at some points of outlines, [samples] bool."""
         known = self.outlines.known & samples
-        return self.of(replace(self.outlines, known=known), self.index)
+        return self.of(replace(self.outlines, known=known), self.index, self.maps)
 
     def cameras_at(
         self, x: np.ndarray, positions: int
@@ -128,10 +140,12 @@ class Turntable:
         whole = self.of(self.outlines, np.arange(positions))
         return *whole.camera(np.r_[x[: len(NAMES)], offsets]), offsets
 
-    def of(self, outlines: Outlines, index: np.ndarray) -> "Turntable":
+    def of(
+        self, outlines: Outlines, index: np.ndarray, maps: np.ndarray | None = None
+    ) -> "Turntable":
         """The same turntable with other outlines: their parameters mean the same."""
         part = copy(self)
-        part.outlines, part.index = outlines, index
+        part.outlines, part.index, part.maps = outlines, index, maps
         return part
 
     def start(self, elevation: float, half_angle: float, step: float) -> np.ndarray:
@@ -165,7 +179,7 @@ class Turntable:
 
     def pose(self, x: np.ndarray) -> Pose:
         """The cameras, as the kernels take them."""
-        return make_pose(*self.camera(x), self.outlines.points)
+        return make_pose(*self.camera(x), self.outlines.points, self.maps)
 
     def misses(self, x: np.ndarray) -> Misses:
         """The residuals, without the priors."""
@@ -241,8 +255,8 @@ class Turntable:
             data = self.slopes(x, misses).reshape(-1, len(x))[:, free]
             return np.concatenate([data, np.diag(worth / sd[free])])
 
-        spread = np.r_[SPREAD, np.full(len(self.index), JITTER)]
-        bounds = self._bounds(start)[:, free]
+        spread = self.spread()
+        bounds = self.limits(start)[:, free]
         found = least_squares(
             residuals, np.clip(start[free], bounds[0] + 1e-6, bounds[1] - 1e-6), jacobian,
             bounds=bounds, x_scale=spread[free], loss="soft_l1", f_scale=SOFT, tr_solver="lsmr",
@@ -251,7 +265,11 @@ class Turntable:
         found.x = whole(found.x)
         return found
 
-    def _bounds(self, start: np.ndarray) -> np.ndarray:
+    def spread(self) -> np.ndarray:
+        """The scale of each parameter for the optimiser: [parameters]."""
+        return np.r_[SPREAD, np.full(len(self.index), JITTER)]
+
+    def limits(self, start: np.ndarray) -> np.ndarray:
         """The least and greatest values that a fit may reach: [2, parameters]."""
         bounds = np.array([[-np.inf], [np.inf]]).repeat(len(start), axis=1)
         bounds[:, ELEVATION] = (-OVER, 75) if start[ELEVATION] >= 0 else (-75, OVER)

@@ -1,0 +1,116 @@
+r"""How well cameras are found of views that were cropped one by one, scaled or not: JSON.
+
+python benchmarks/crops.py --objects bear plane --views 72 --elevations 0 15 30 --crops scaled
+python benchmarks/crops.py --meshes shared/data/scans/*.glb --crops window scaled --margins 0 0.1
+"""
+
+import argparse
+import json
+import math
+import time
+from collections.abc import Iterator
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import torch
+import trimesh
+
+from silmesh.cameras.calibrate import attempt_calibration
+from silmesh.cameras.turntable import orbit_cameras
+from silmesh.errors import InputError
+from silmesh.geometry.camera import Cameras
+from silmesh.scene.agreement import normalise
+from silmesh.softras import soft_silhouettes
+from silmesh.synthetic.dataset import make_object
+
+OBJECTS = ("apricot", "bear", "bottle", "plane", "pot", "tube")
+HALF_ANGLE = 19.8  # degrees over half of the longer side: a lens of 50 mm on film of 36 mm
+FILLS = 0.8  # of the photograph's side that the object spanned before the crop, about
+
+
+def load_mesh(name: str) -> tuple[torch.Tensor, torch.Tensor]:
+    """Vertices [n, 3], in the sphere of radius 0.5, and faces of a made-up object or of a file."""
+    mesh = trimesh.load(name, force="mesh") if "." in name else make_object(name)
+    points = np.asarray(mesh.vertices) - np.asarray(mesh.bounds).mean(axis=0)
+    points /= 2 * np.linalg.norm(points, axis=1).max()
+    return torch.tensor(points), torch.tensor(np.asarray(mesh.faces), dtype=torch.int64)
+
+
+def turn(
+    count: int, elevation: float, half_angle: float, off: tuple[float, float], arc: float = 360.0
+) -> Cameras:
+    """Cameras around an axis that passes beside the object's middle, of photographs of side 1."""
+    same = torch.ones(count, dtype=torch.float64)
+    distance = 0.5 / math.tan(math.radians(half_angle)) / FILLS
+    angles = arc / count * torch.arange(count, dtype=torch.float64)
+    cameras = orbit_cameras(
+        [f"v{i:02d}" for i in range(count)], 1, distance * same, elevation * same, angles
+    )
+    K = cameras.K.clone()
+    K[:, 0, 0] = K[:, 1, 1] = 0.5 / math.tan(math.radians(half_angle))
+    centre = torch.tensor([off[0], 0.0, off[1]], dtype=torch.float64)
+    t = cameras.t + cameras.R @ centre
+    return Cameras(cameras.views, cameras.sizes, K, cameras.R, t)
+
+
+def crop(
+    cameras: Cameras, points: torch.Tensor, size: int, scaled: bool, margin: float
+) -> tuple[Cameras, np.ndarray]:
+    """The cameras of the working images of photographs cropped to the object's box.
+
+    Args:
+        scaled: every crop is a square of the same pixels; otherwise the box in the pixels that the
+            photographs had
+        margin: around the box, in parts of its longer side
+    Returns:
+        the cameras, and the photographs' frames in the working images [views, 4]
+    """
+    seen = cameras.project(points)
+    low, high = seen.amin(dim=1), seen.amax(dim=1)
+    longest = (high - low).amax(dim=1, keepdim=True)
+    low, high = low - margin * longest, high + margin * longest
+    side, middle = (high - low).amax(dim=1), (low + high) / 2
+    if not scaled:  # whole pixels of a photograph, then the working image's own scale
+        original = 4 * size
+        pixels = ((high - low) * original).ceil()
+        side = pixels.amax(dim=1) / original
+    maps = torch.eye(3, dtype=torch.float64).repeat(len(cameras), 1, 1)
+    maps[:, 0, 0] = maps[:, 1, 1] = size / side
+    maps[:, :2, 2] = size / 2 - middle * (size / side)[:, None]
+    sizes = torch.full((len(cameras), 2), size)
+    frames = np.tile([0, 0, size, size], (len(cameras), 1))
+    if not scaled:
+        extent = (pixels / pixels.amax(dim=1, keepdim=True) * size).round().numpy().astype(int)
+        first = (size - extent) // 2
+        frames = np.hstack([first, first + extent])
+    return cameras.in_pixels_of(maps, sizes), frames
+
+
+def render(cameras: Cameras, points: torch.Tensor, faces: torch.Tensor) -> np.ndarray:
+    """Silhouettes, almost sharp: [views, size, size] bool."""
+    size = tuple(cameras.sizes[0].tolist())
+    seen = cameras.project(points).float()
+    return (soft_silhouettes(seen, faces, size, sigma=1e-8) > 0.5).numpy()
+
+
+def make_case(
+    name: str, count: int, elevation: float, kind: str, margin: float, size: int, half_angle: float
+) -> tuple[np.ndarray, np.ndarray, Cameras]:
+    """Silhouettes, frames and true cameras."""
+    points, faces = load_mesh(name)
+    around = turn(count, elevation, half_angle, (0.05, -0.03))
+    cameras, frames = crop(around, points, size, kind == "scaled", margin)
+    return render(cameras, points, faces), frames, cameras
+
+
+def cases(given: argparse.Namespace) -> Iterator[tuple]:
+    """All combinations that are asked for."""
+    yield from product(
+        [*given.objects, *given.meshes],
+        given.views,
+        given.elevations,
+        given.crops,
+        given.margins,
+        given.half_angles,
+    )

@@ -1,0 +1,214 @@
+"""The turntable of views that were cropped one by one: search, refinement, and what fits as well.
+
+It is what ``silmesh.cameras.turntable_fit`` does for views that were not, with the crops as further
+unknowns (``silmesh.cameras.crops``): from several elevations, half angles, steps and both
+directions on few views and points, then on all of them, without the views that disagree.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from silmesh.cameras.crops import Cropped
+from silmesh.cameras.frontier import SCALE
+from silmesh.cameras.turntable_fit import (
+    ARCS,
+    CLEAR,
+    COARSE_STEPS,
+    FEWEST_AGREEING,
+    REFUSED_AGREEING,
+    STARTS,
+    SUSPECT,
+    Given,
+    root_mean_square,
+)
+from silmesh.cameras.turntable_residuals import (
+    COARSE_SAMPLES,
+    COARSE_VIEWS,
+    NAMES,
+    STEP,
+    Turntable,
+    mirrored,
+)
+from silmesh.progress import Share, untold, within
+
+# Starts that are fitted, by the cost before; those that are refined further; evaluations of that,
+# and of the fit of all views.
+TRIED, REFINED, MORE_STEPS, FINE_STEPS = 8, 3, 40, 25
+PARTS = (0.4, 0.6, 0.8)  # shares of the time after which the search and the refinements end
+ROUNDS, AGAIN = 4, 0.9  # of refinement; the share of the cost that another one has to reach
+# Photographs may not have been scaled if the standard deviation of their scales is at most this.
+SAME_SCALE = 0.05
+TWICE = 3.0  # a view disagrees from so many times the median of all views' residuals
+
+
+@dataclass(frozen=True)
+class CropFit:
+    """A turntable of cropped views.
+
+    Attributes:
+        cropped: all views with an outline
+        x: its parameters, as ``Cropped`` has them
+        rivals: those of the turntable, of other fits that are not clearly worse
+        mirror: what tells the object from its mirror image, as ``Calibration`` names it
+        pixels: [views], root mean square residual
+        agrees: [views] bool
+    """
+
+    cropped: Cropped
+    x: np.ndarray
+    rivals: list[np.ndarray]
+    mirror: str
+    pixels: np.ndarray
+    agrees: np.ndarray
+
+    @property
+    def rms(self) -> float:
+        """Root mean square residual of the views that agree, in pixels."""
+        return root_mean_square(self.pixels[self.agrees])
+
+
+def fit_crops(
+    turn: Turntable, ratios: np.ndarray, given: Given, progress: Share = untold
+) -> CropFit:
+    """Find turntable and crops together.
+
+    Args:
+        turn: with the views that have an outline
+        ratios: [views, 2] known scales of their working images
+    """
+    cropped = Cropped.of(turn, ratios)
+    shared = _find_free(given)
+    part, kept = cropped.thin(COARSE_VIEWS, COARSE_SAMPLES)
+    starts = _search(part, given, within(progress, 0, PARTS[0]))
+    coarse = [_refine(part, x, shared) for x in starts[:REFINED]]
+    coarse.sort(key=part.cost)
+    progress(PARTS[1])
+    part, coarse = _drop_scales(part, coarse, shared)
+    best, mirror = _resolve_mirror(part, coarse[0], shared, given)
+    cost = part.cost(best)
+    rivals = [
+        part.split(x)[0][: len(NAMES)]
+        for x in coarse[1:]
+        if part.turn.excess(cost, part.cost(x)) <= CLEAR
+    ]
+    cropped = replace(cropped, scaled=part.scaled)
+    x = cropped.fit(_spread(cropped, part, best, kept), shared, FINE_STEPS)
+    progress(PARTS[2])
+    pixels = _measure(cropped, x)
+    agrees = pixels <= max(SUSPECT * turn.size / 256, TWICE * float(np.median(pixels)))
+    if not agrees.all() and agrees.sum() >= FEWEST_AGREEING:
+        x, pixels, agrees = _fit_agreeing(cropped, x, agrees, shared)
+    return CropFit(cropped, x, rivals, mirror, pixels, agrees)
+
+
+def _find_free(given: Given) -> np.ndarray:
+    return np.array([i for i in range(len(NAMES)) if i not in given.known])
+
+
+def _search(part: Cropped, given: Given, progress: Share) -> list[np.ndarray]:
+    """Fits on few views, the best of each direction and arc first."""
+    steps = [abs(given.step)] if given.step is not None else [arc / given.count for arc in ARCS]
+    starts = STARTS if given.step is not None else STARTS[1::2]
+    if given.elevation is not None:
+        starts = [(given.elevation, angle) for _, angle in STARTS[:2]]
+    held = np.setdiff1d(_find_free(given), [STEP])
+    ways = [(e, a, d * s) for e, a in starts for s in steps for d in (1, -1)]
+    tried = []
+    for done, way in enumerate(ways, start=1):
+        x = part.start(*way)
+        tried.append((part.cost(x), x))
+        progress(done / len(ways) / 2)
+    tried.sort(key=lambda pair: pair[0])
+    found = []
+    for done, (_, x) in enumerate(tried[:TRIED], start=1):
+        fitted = part.fit(x, held, COARSE_STEPS)
+        found.append((part.cost(fitted), fitted))
+        progress(0.5 + done / TRIED / 2)
+    return [x for _, x in sorted(found, key=lambda pair: pair[0])]
+
+
+def _refine(part: Cropped, x: np.ndarray, shared: np.ndarray) -> np.ndarray:
+    """Fit, and again from what the frontier points say then, which leaves local minima."""
+    x = part.fit(x, shared, MORE_STEPS)
+    for _ in range(ROUNDS):
+        own, crops = part.split(x)
+        again = part.fit(part.agree(own, crops), shared, COARSE_STEPS)
+        if part.cost(again) > AGAIN * part.cost(x):
+            return min(again, x, key=part.cost)
+        x = again
+    return x
+
+
+def _drop_scales(
+    part: Cropped, fits: Sequence[np.ndarray], shared: np.ndarray
+) -> tuple[Cropped, list[np.ndarray]]:
+    """Without scales, if shifts alone explain the silhouettes as well."""
+    if np.std(part.split(fits[0])[1][:, SCALE]) > SAME_SCALE:
+        return part, list(fits)
+    plain = replace(part, scaled=False)
+    own, crops = part.split(fits[0])
+    crops[:, SCALE] = 0
+    again = _refine(plain, plain.agree(own, crops), shared)
+    if part.turn.excess(part.cost(fits[0]), plain.cost(again)) > CLEAR:
+        return part, list(fits)
+    return plain, [again, *fits[1:]]
+
+
+def _resolve_mirror(
+    part: Cropped, best: np.ndarray, shared: np.ndarray, given: Given
+) -> tuple[np.ndarray, str]:
+    """Decide between a fit and that of the mirrored object, as for views that were not cropped."""
+    if given.elevation is not None:
+        return best, "elevation"
+    own, crops = part.split(best)
+    twin = part.fit(np.r_[mirrored(own), crops.ravel()], shared, COARSE_STEPS)
+    cost, other = part.cost(best), part.cost(twin)
+    if part.turn.excess(other, cost) > CLEAR:
+        return twin, "perspective"
+    if part.turn.excess(cost, other) > CLEAR:
+        return best, "perspective"
+    return best, "table" if given.above_table else "open"
+
+
+def _spread(cropped: Cropped, part: Cropped, x: np.ndarray, kept: np.ndarray) -> np.ndarray:
+    """Parameters of all views from those of some: the others' crops from frontier points."""
+    own, crops = part.split(x)
+    views = len(cropped.hulls)
+    whole = np.r_[own[: len(NAMES)], np.zeros(views)]
+    near = kept[np.abs(np.arange(views)[:, None] - kept).argmin(axis=1)]
+    start = cropped.start_crops()
+    moved = np.zeros_like(start)
+    moved[kept] = crops - start[kept]
+    start = start + moved[near]
+    start[:, SCALE] -= start[:, SCALE].mean()
+    return cropped.agree(whole, start)
+
+
+def _measure(cropped: Cropped, x: np.ndarray) -> np.ndarray:
+    """Root mean square residual of each view: [views] pixels; 0 for one without known outline."""
+    known = cropped.turn.outlines.known
+    squares = (cropped.misses(x).pixels ** 2 * known).sum(axis=1)
+    return np.sqrt(squares / np.maximum(known.sum(axis=1), 1))
+
+
+def _fit_agreeing(
+    cropped: Cropped, x: np.ndarray, agrees: np.ndarray, shared: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Fit the views that agree alone; the others keep their crops and are judged by all."""
+    kept = np.flatnonzero(agrees)
+    own, crops = cropped.split(x)
+    views = len(crops)
+    part = cropped.select(kept)
+    start = np.r_[own[: len(NAMES)], own[len(NAMES) :][kept], crops[kept].ravel()]
+    found = part.fit(start, shared, FINE_STEPS)
+    own_found, crops_found = part.split(found)
+    crops = crops.copy()
+    crops[kept] = crops_found
+    whole = np.r_[own_found[: len(NAMES)], np.zeros(views), crops.ravel()]
+    pixels = np.maximum(_measure(cropped, whole), 0)
+    pixels[kept] = _measure(part, found)
+    agrees = np.zeros(views, bool)
+    agrees[kept] = pixels[kept] <= REFUSED_AGREEING * cropped.turn.size / 256
+    return whole, pixels, agrees
