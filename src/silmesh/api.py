@@ -49,7 +49,6 @@ from silmesh.intake.arguments import (
 from silmesh.intake.photographs import find_masks, find_photographs, is_video
 from silmesh.intake.sources import choose_cameras, choose_silhouettes, look
 from silmesh.naming import match_masks
-from silmesh.planning.datasets import parse_turntable
 from silmesh.progress import Share, untold
 from silmesh.scene.assemble import build_scene
 from silmesh.scene.judged import judge_scene
@@ -60,6 +59,7 @@ from silmesh.settings.fit import Fit, SoftRasFit
 from silmesh.settings.init import Init
 from silmesh.settings.quality import Quality
 from silmesh.settings.silhouettes import FOREGROUND_MODELS, Networks, check_source
+from silmesh.settings.turntable import parse_turntable
 from silmesh.settings.views import Views
 from silmesh.shapes.initial import Initial, make_initial_mesh, take_mesh
 from silmesh.silhouettes import Found
@@ -179,7 +179,8 @@ def reconstruct(
             cameras, or cameras of the photographs; chosen by what the photographs show if not given
         silhouettes: ``mask``, ``alpha``, ``threshold``, ``matting``, ``deeplab``, or a function of
             your own as ``path/to/file.py:function`` (``docs/extending.md``); chosen likewise
-        turntable: what is known of it, ``distance,elevation,step`` in scene units and degrees
+        turntable: what is known of it, ``distance,elevation,step`` in scene units and degrees; of
+            several rounds each, separated by ``;``
         size: side of the working images, in pixels
         init: shape of the initial mesh, or a function of your own
         preset: of the fit, ``fast`` or ``softras``, or a function of your own
@@ -606,8 +607,9 @@ class _Search:
 
         if not known.complete:
             raise InputError(
-                f"turntable {self.turntable!r}: lacks a number; should be distance,elevation,step, "
-                "for example 2.732,0,5; cameras 'calibrate' finds what is not known"
+                f"turntable {self.turntable!r}: lacks a number or names several rounds; should be "
+                "distance,elevation,step, for example 2.732,0,5; cameras 'calibrate' finds what is "
+                "not known"
             )
         views = self.photographs.views
         return attempt_turntable(views, known.distance, known.elevation, known.step)
@@ -621,6 +623,7 @@ class _Search:
             step=known.step,
             elevation=known.elevation,
             distance=known.distance,
+            rounds=known.rounds,
             above_table=_check("calibrate", self.calibrate).above_table,
             progress=self.progress,
         )

@@ -8,7 +8,8 @@ import pytest
 from PIL import Image
 
 from silmesh.errors import InputError
-from silmesh.planning.datasets import COLUMNS, Turntable, read_datasets
+from silmesh.planning.datasets import COLUMNS, read_datasets
+from silmesh.settings.turntable import Turntable
 
 HEADER = "object\timages\tmasks\tsilhouettes\tcameras\tturntable\ttruth\tvariants\n"
 GOOD = {

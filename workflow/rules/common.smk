@@ -157,6 +157,8 @@ def with_calibration(wildcards):
 def known_geometry(wildcards):
     """The arguments that say what is known of a turntable whose geometry is to be found."""
     known = with_calibration(wildcards).turntable
+    if known.later:
+        return f"--rounds {quote(known.text)}"
     values = {
         "--elevation": known.elevation,
         "--step": known.step,

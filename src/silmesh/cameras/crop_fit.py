@@ -29,13 +29,12 @@ from silmesh.cameras.turntable_residuals import (
     NAMES,
     STEP,
     Turntable,
-    mirrored,
 )
 from silmesh.progress import Share, untold, within
 
 # Starts that are fitted, by the cost before; those that are refined further; evaluations of that,
 # and of the fit of all views.
-TRIED, REFINED, MORE_STEPS, FINE_STEPS = 8, 3, 40, 25
+TRIED, REFINED, MORE_STEPS, FINE_STEPS = 8, 2, 30, 15
 PARTS = (0.4, 0.6, 0.8)  # shares of the time after which the search and the refinements end
 ROUNDS, AGAIN = 4, 0.9  # of refinement; the share of the cost that another one has to reach
 # Photographs may not have been scaled if the standard deviation of their scales is at most this.
@@ -89,12 +88,13 @@ def fit_crops(
     best, mirror = _resolve_mirror(part, coarse[0], shared, given)
     cost = part.cost(best)
     rivals = [
-        part.split(x)[0][: len(NAMES)]
+        part.split(x)[0][: turn.shared]
         for x in coarse[1:]
         if part.turn.excess(cost, part.cost(x)) <= CLEAR
     ]
     cropped = replace(cropped, scaled=part.scaled)
     x = cropped.fit(_spread(cropped, part, best, kept), shared, FINE_STEPS)
+    x = cropped.fit(x, shared, FINE_STEPS, frontier=False)
     progress(PARTS[2])
     pixels = _measure(cropped, x)
     agrees = pixels <= max(SUSPECT * turn.size / 256, TWICE * float(np.median(pixels)))
@@ -163,7 +163,7 @@ def _resolve_mirror(
     if given.elevation is not None:
         return best, "elevation"
     own, crops = part.split(best)
-    twin = part.fit(np.r_[mirrored(own), crops.ravel()], shared, COARSE_STEPS)
+    twin = part.fit(np.r_[part.turn.mirrored(own), crops.ravel()], shared, COARSE_STEPS)
     cost, other = part.cost(best), part.cost(twin)
     if part.turn.excess(other, cost) > CLEAR:
         return twin, "perspective"
@@ -176,7 +176,7 @@ def _spread(cropped: Cropped, part: Cropped, x: np.ndarray, kept: np.ndarray) ->
     """Parameters of all views from those of some: the others' crops from frontier points."""
     own, crops = part.split(x)
     views = len(cropped.hulls)
-    whole = np.r_[own[: len(NAMES)], np.zeros(views)]
+    whole = cropped.turn.widen(own)
     near = kept[np.abs(np.arange(views)[:, None] - kept).argmin(axis=1)]
     start = cropped.start_crops()
     moved = np.zeros_like(start)
@@ -201,12 +201,12 @@ def _fit_agreeing(
     own, crops = cropped.split(x)
     views = len(crops)
     part = cropped.select(kept)
-    start = np.r_[own[: len(NAMES)], own[len(NAMES) :][kept], crops[kept].ravel()]
-    found = part.fit(start, shared, FINE_STEPS)
+    start = np.r_[part.turn.widen(own), crops[kept].ravel()]
+    found = part.fit(start, shared, FINE_STEPS, frontier=False)
     own_found, crops_found = part.split(found)
     crops = crops.copy()
     crops[kept] = crops_found
-    whole = np.r_[own_found[: len(NAMES)], np.zeros(views), crops.ravel()]
+    whole = np.r_[cropped.turn.widen(own_found), crops.ravel()]
     pixels = np.maximum(_measure(cropped, whole), 0)
     pixels[kept] = _measure(part, found)
     agrees = np.zeros(views, bool)

@@ -174,15 +174,19 @@ class Cropped:
             slopes[view, sample, missed, i] += change
         return np.concatenate([shared, _level(slopes).reshape(views, samples, -1)], axis=2)
 
-    def fit(self, start: np.ndarray, shared: np.ndarray, steps: int) -> np.ndarray:
+    def fit(
+        self, start: np.ndarray, shared: np.ndarray, steps: int, frontier: bool = True
+    ) -> np.ndarray:
         """Least squares over the crops and the parameters ``shared`` of the turntable.
 
-        Of the residuals of the outlines and of the frontier points, which weigh as much together.
+        Args:
+            frontier: whether the frontier points count beside the outlines, as much as all these
+                together: they lead out of local minima, but are less exact
         """
         turn, (own, crops) = self.turn, self.split(start)
         shared = np.setdiff1d(shared, [AXIS])
         free = np.r_[shared, self._own_crops(len(own))].astype(int)
-        frontier = self.frontier(own)
+        touching = self.frontier(own)
         known = turn.outlines.known.ravel()
         last: list[tuple[bytes, Misses]] = []
 
@@ -194,20 +198,23 @@ class Cropped:
         def residuals(part: np.ndarray) -> np.ndarray:
             x = whole(part)
             last[:] = [(part.tobytes(), self.misses(x))]
-            return np.r_[last[0][1].pixels.ravel(), self._touch(frontier, x)]
+            pixels = last[0][1].pixels.ravel()
+            return np.r_[pixels, self._touch(touching, x)] if frontier else pixels
 
         def slopes(part: np.ndarray) -> np.ndarray:
             x = whole(part)
             misses = last[0][1] if last[0][0] == part.tobytes() else self.misses(x)
             data = self.slopes(x, misses).reshape(-1, len(x))[:, free]
-            return np.concatenate([data, self._slope(frontier, x, shared)[:, free]])
+            if not frontier:
+                return data
+            return np.concatenate([data, self._slope(touching, x, shared)[:, free]])
 
         mean, sd = turn.prior()
         mean, sd = np.r_[mean, crops.ravel()], np.r_[sd, self._spread()]
         worth = NOISE**2 * turn.outlines.known.shape[1] / INDEPENDENT
         limits = np.full((2, len(start)), np.inf) * [[-1], [1]]
         limits[:, : len(own)] = turn.limits(own)
-        pairs = 2 * len(frontier.first)
+        pairs = 2 * len(touching.first) * frontier
         weights = np.r_[known, np.full(pairs, known.sum() / max(pairs, 1))]
         problem = Problem(
             residuals, slopes, weights, mean[free], worth * sd[free] ** -2.0, *limits[:, free]

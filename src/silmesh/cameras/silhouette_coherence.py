@@ -143,13 +143,13 @@ class Pose:
         P: [views, 3, 4] projections to pixels
         centres: [views, 3]
         rays: [views, samples, 3], directions through the outlines' points, of unit depth
-        middle: depth of the object's middle in all cameras
+        middle: [views], depth of the object's middle in each camera
     """
 
     P: np.ndarray
     centres: np.ndarray
     rays: np.ndarray
-    middle: float
+    middle: np.ndarray
 
 
 def make_pose(
@@ -170,7 +170,7 @@ def make_pose(
         points = uncrop(points, maps)
         P[:, :2] = scale[:, :, None] * P[:, :2] + shift[:, :, None] * P[:, 2:]
     rays = np.concatenate([points, np.ones_like(points[..., :1])], axis=2) @ np.linalg.inv(K).T
-    return Pose(P, -np.einsum("vji,vj->vi", R, t), rays @ R, float(t[0, 2]))
+    return Pose(P, -np.einsum("vji,vj->vi", R, t), rays @ R, np.ascontiguousarray(t[:, 2]))
 
 
 def uncrop(points: np.ndarray, maps: np.ndarray) -> np.ndarray:
@@ -300,7 +300,7 @@ def _follow(
                     offset = base - step
                 else:
                     offset = base + step
-                along = middle + offset
+                along = middle[v] + offset
                 least, least_view = _find_least(
                     distances, cut, far, P, order, v,
                     centres[v, 0] + along * rays[v, s, 0],
@@ -320,7 +320,7 @@ def _measure(distances, far, P, centres, rays, middle, depth, view, at):
             j = view[v, s]
             if j < 0:
                 continue
-            along = middle + depth[v, s]
+            along = middle[v] + depth[v, s]
             x = centres[v, 0] + along * rays[v, s, 0]
             y = centres[v, 1] + along * rays[v, s, 1]
             z = centres[v, 2] + along * rays[v, s, 2]

@@ -14,6 +14,7 @@ from silmesh.naming import match_masks, order_photographs, pair_masks, split_mas
 from silmesh.own_code import own_file, refuse_lacking
 from silmesh.settings.section import LONGEST_NAME, LONGEST_PATH, NAME
 from silmesh.settings.silhouettes import check_source
+from silmesh.settings.turntable import Turntable, parse_turntable
 from silmesh.synthetic import layout
 from silmesh.views import count_array_views, list_images, list_masks
 
@@ -23,27 +24,6 @@ COLUMNS = REQUIRED + OPTIONAL
 RESERVED = "report"  # a folder of results/
 FEWEST_VIEWS = 2
 UNPRINTABLE = r"[\x00-\x1f\x7f\ud800-\udfff]"  # control characters, bytes that are no UTF-8
-FARTHEST = 100  # distance of a turntable's camera at which the object is 2 % of the picture
-
-
-@dataclass(frozen=True)
-class Turntable:
-    """What is known of a turntable's geometry; None where nothing is.
-
-    Attributes:
-        distance: of the camera from the origin, in scene units
-        elevation: of the camera above the table, in degrees
-        step: turn from one view to the next, in degrees
-    """
-
-    distance: float | None
-    elevation: float | None
-    step: float | None
-
-    @property
-    def complete(self) -> bool:
-        """Whether cameras can be made from it alone."""
-        return None not in (self.distance, self.elevation, self.step)
 
 
 @dataclass(frozen=True)
@@ -279,40 +259,6 @@ def resolve_cameras(table: Path, cell: str) -> str:
             return f"file:{locate(path).path}"
         except OSError as error:
             raise InputError(f"{path}: cannot be read: {error.strerror}") from error
-
-
-def parse_turntable(cell: str) -> Turntable:
-    """What is known of a turntable, ``distance,elevation,step`` in scene units and degrees.
-
-    Raises:
-        InputError: it is written otherwise, or a number is none that a turntable has
-    """
-    if not cell:
-        return Turntable(None, None, None)
-    try:
-        distance, elevation, step = (
-            float(part) if part.strip() else None for part in cell.split(",")
-        )
-    except ValueError as error:
-        raise InputError(
-            f"turntable: should be distance,elevation,step, for example 2.732,0,5, not {cell!r}; "
-            "what cameras 'calibrate' should find is left out, as in ',,5'"
-        ) from error
-    if distance is not None and distance > FARTHEST:
-        raise InputError(
-            f"turntable: {cell!r}: a distance of {distance:g} is too far; its unit is the object's "
-            "size, whatever it is in metres. The report's is 2.732"
-        )
-    if not (
-        (distance is None or distance > 0)
-        and (elevation is None or -90 <= elevation <= 90)
-        and (step is None or 0 < abs(step) <= 360)
-    ):
-        raise InputError(
-            f"turntable: {cell!r}: should have a positive distance, an elevation of -90 to 90 "
-            "degrees, and a step of at most 360 degrees that is not 0"
-        )
-    return Turntable(distance, elevation, step)
 
 
 def _find_truth(table: Path, cell: str) -> Path:

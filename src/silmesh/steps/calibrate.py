@@ -10,6 +10,7 @@ from silmesh.cameras.attempt import write_attempt
 from silmesh.cameras.calibrate import calibrate_views
 from silmesh.progress import share_of
 from silmesh.settings.cameras import Calibrate
+from silmesh.settings.turntable import parse_turntable
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import add_settings, output_folder, parser, run
 from silmesh.views import read_views
@@ -23,6 +24,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--step", type=float, help="degrees from view to view, if known")
     args.add_argument("--elevation", type=float, help="in degrees, if known")
     args.add_argument("--distance", type=float, help="in sizes of the object, if known roughly")
+    args.add_argument("--rounds", default="", help="of several rounds: what is known of each")
     add_settings(args, Calibrate)
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument("--output", type=output_folder, required=True, help="folder to make")
@@ -35,6 +37,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         step=given.step,
         elevation=given.elevation,
         distance=given.distance,
+        rounds=parse_turntable(given.rounds).rounds,
         above_table=given.settings.above_table,
         progress=share_of(f"calibrate {given.output}"),
     )
