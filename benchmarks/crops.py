@@ -11,14 +11,16 @@ import time
 from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import torch
 import trimesh
+from PIL import Image
 
+import silmesh
 from silmesh.cameras.calibrate import attempt_calibration
 from silmesh.cameras.turntable import orbit_cameras
-from silmesh.errors import InputError
 from silmesh.geometry.camera import Cameras
 from silmesh.scene.agreement import normalise
 from silmesh.softras import soft_silhouettes
@@ -114,3 +116,86 @@ def cases(given: argparse.Namespace) -> Iterator[tuple]:
         given.margins,
         given.half_angles,
     )
+
+def find(
+    seen: np.ndarray, frames: np.ndarray, cameras: Cameras, step: float | None, size: int
+) -> dict:
+    """What ``calibrate`` finds of one case."""
+    longest = (frames[:, 2:] - frames[:, :2]).max(axis=1)
+    scales = np.repeat(cameras.K[:, :1, 0].numpy(), 2, axis=1)
+    if (longest == longest[0]).all() and (frames == frames[0]).all():
+        scales = np.ones_like(scales)  # all photographs are squares of one size
+    start = time.perf_counter()
+    attempt = attempt_calibration(seen, cameras.views, step=step, frames=frames, scales=scales)
+    seconds = time.perf_counter() - start
+    if attempt.cameras is None:
+        return {"refused": attempt.refusal, "seconds": seconds}
+    found = normalise(attempt.cameras, seen, frames=frames)
+    estimates = attempt.figures["estimates"]
+    return {
+        "cropped": "crops" in attempt.figures,
+        "coherence": found.overall,
+        "coherence_least": float(found.coherence.min()),
+        "elevation": [estimates["elevation"]["value"], estimates["elevation"]["sd"]],
+        "disagreeing": len(attempt.figures["disagreeing"]),
+        "seconds": seconds,
+        "said": list(attempt.warnings),
+    }
+
+
+def fit_mesh(case: Path, seen: np.ndarray, frames: np.ndarray, step: float) -> dict:
+    """The final IoU of a run from photographs that show the silhouettes alone, cropped."""
+    for folder in ("photographs", "masks"):
+        (case / folder).mkdir(parents=True)
+    for i, (silhouette, (left, top, right, bottom)) in enumerate(zip(seen, frames, strict=True)):
+        part = silhouette[top:bottom, left:right]
+        grey = np.where(part, 150, 20).astype(np.uint8)
+        Image.fromarray(np.stack([grey] * 3, axis=2)).save(case / f"photographs/v{i:02d}.png")
+        Image.fromarray(part.astype(np.uint8) * 255).save(case / f"masks/v{i:02d}.png")
+    made = silmesh.reconstruct(
+        case / "photographs", masks=case / "masks", size=seen.shape[1], cameras="calibrate",
+        turntable={"step": step},
+    )  # fmt: skip
+    return {"iou": float(made.metrics["iou_mean"]), "iou_least": float(made.metrics["iou_min"])}
+
+
+def main() -> None:
+    """Print what was measured, a line a case, and the least of all."""
+    args = argparse.ArgumentParser(description=__doc__)
+    args.add_argument("--objects", nargs="*", default=["bear", "plane", "pot"])
+    args.add_argument("--meshes", nargs="*", default=[], help="files of scans")
+    args.add_argument("--views", nargs="+", type=int, default=[72])
+    args.add_argument("--elevations", nargs="+", type=float, default=[15.0])
+    args.add_argument("--crops", nargs="+", default=["scaled"], choices=["scaled", "window"])
+    args.add_argument("--margins", nargs="+", type=float, default=[0.05])
+    args.add_argument("--half-angles", nargs="+", type=float, default=[HALF_ANGLE])
+    args.add_argument("--size", type=int, default=128)
+    args.add_argument("--fit", action="store_true", help="fit meshes too")
+    args.add_argument("--without-step", action="store_true", help="do not give the step")
+    args.add_argument("--threads", type=int, default=1)
+    given = args.parse_args()
+    torch.set_num_threads(given.threads)
+    least = {}
+    for name, views, elevation, kind, margin, half_angle in cases(given):
+        seen, frames, cameras = make_case(
+            name, views, elevation, kind, margin, given.size, half_angle
+        )
+        step = None if given.without_step else 360 / views
+        row = {
+            "object": Path(name).stem, "views": views, "elevation_true": elevation, "crop": kind,
+            "margin": margin, "half_angle": half_angle,
+            "coherence_true": float(normalise(cameras, seen, frames=frames).overall),
+        }  # fmt: skip
+        row |= find(seen, frames, cameras, step, given.size)
+        if given.fit:
+            with TemporaryDirectory() as folder:
+                row |= fit_mesh(Path(folder), seen, frames, 360 / views)
+        print(json.dumps(row), flush=True)
+        for key in ("coherence", "iou"):
+            if key in row:
+                least[key] = min(least.get(key, 1.0), row[key])
+    print(json.dumps({"least": least}))
+
+
+if __name__ == "__main__":
+    main()

@@ -7,7 +7,7 @@ what else a person should know of the result.
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -16,6 +16,9 @@ from scipy.optimize import OptimizeResult
 
 from silmesh.cameras.attempt import CHECK_SERIES, Attempt
 from silmesh.cameras.consensus import Consensus
+from silmesh.cameras.crop_fit import CropFit, fit_crops
+from silmesh.cameras.crop_signs import are_tight, see_crops
+from silmesh.cameras.frontier import SCALE
 from silmesh.cameras.rounds import (
     Signs,
     Split,
@@ -116,6 +119,23 @@ class Round:
 
 
 @dataclass(frozen=True)
+class Crop:
+    """How a view was cropped, against the camera that stands still.
+
+    Attributes:
+        shift: x and y in pixels of the silhouettes, at the image's middle
+        scale: about 1 in the mean, in pixels of the photographs
+        shift_sd: standard deviations of the shift
+        scale_sd: of the scale, in parts of it; 0 if the views were not scaled
+    """
+
+    shift: tuple[float, float]
+    scale: float
+    shift_sd: tuple[float, float]
+    scale_sd: float
+
+
+@dataclass(frozen=True)
 class Calibration:
     """Cameras found, and how far to trust them.
 
@@ -137,6 +157,7 @@ class Calibration:
         warnings: what a person should know, in sentences
         rounds: what was found of each round, if there are several
         rounds_because: what tells them apart
+        crops: of each view with an outline, if the views were cropped one by one
     """
 
     cameras: Cameras
@@ -151,6 +172,7 @@ class Calibration:
     warnings: tuple[str, ...]
     rounds: tuple[Round, ...] = ()
     rounds_because: str = ""
+    crops: dict[str, Crop] = field(default_factory=dict)
 
 
 def calibrate(
@@ -162,13 +184,15 @@ def calibrate(
     above_table: bool = True,
     aspect: float = 1.0,
     frames: np.ndarray | None = None,
+    scales: np.ndarray | None = None,
     rounds: Sequence[Known] = (),
     signs: Callable[[], Signs | None] = lambda: None,
     progress: Share = untold,
 ) -> Calibration:
     """Find the cameras of a turntable.
 
-    If no turn of one round explains all silhouettes, rounds are tried that the photographs show.
+    If no turn of one round explains all silhouettes, it is tried whether each view was cropped by
+    itself, and rounds that the photographs show.
 
     Args:
         silhouettes: [views, size, size] bool, in the order in which the views were taken; an empty
@@ -183,6 +207,8 @@ def calibrate(
         aspect: height over width of a square's image, for photographs that were stretched
         frames: [views, 4] left, top, right and bottom of the photographs within the images: beyond
             them nothing is known; the whole images if not given
+        scales: [views, 2] pixels of the images for one of the photographs, in x and in y; all
+            alike if not given
         rounds: what is known of each round, if there are several: in place of ``step``,
             ``elevation`` and ``distance``
         signs: gives what the photographs say of rounds beside their silhouettes
@@ -204,7 +230,8 @@ def calibrate(
     if split:
         found = _fit_split(turn, split, rounds, silhouettes, above_table, fewest, progress)
     else:
-        found = _fit_any(turn, given, silhouettes, signs, fewest, progress)
+        seen = _Seen(silhouettes, frames, scales, signs, fewest)
+        found = _fit_any(turn, given, seen, progress)
     progress(1)
     if found.is_of_all:
         _refuse_incoherent(found, repeated)
@@ -223,6 +250,7 @@ class _Found:
     verdict: Consensus | None
     given: Given
     split: Split | None = None
+    crops: CropFit | None = None
 
     @property
     def is_of_all(self) -> bool:
@@ -254,48 +282,82 @@ def _fit_split(
     return _Found(*fit_rounds(turn.in_rounds(split.rounds), given, fewest, progress), given, split)
 
 
-def _fit_any(
-    turn: Turntable,
-    given: Given,
-    silhouettes: np.ndarray,
-    signs: Callable[[], Signs | None],
-    fewest: float,
-    progress: Share,
-) -> _Found:
+@dataclass(frozen=True)
+class _Seen:
+    """What is there to try other models than one round by; see ``calibrate``."""
+
+    silhouettes: np.ndarray
+    frames: np.ndarray | None
+    scales: np.ndarray | None
+    signs: Callable[[], Signs | None]
+    fewest: float
+
+    def of(self, views: np.ndarray) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
+        """Silhouettes, frames and scales of some views."""
+        both = (None if part is None else part[views] for part in (self.frames, self.scales))
+        return self.silhouettes[views], *both
+
+
+def _fit_any(turn: Turntable, given: Given, seen: _Seen, progress: Share) -> _Found:
     """Fit one round and, where it does not explain all views, what else they may be."""
     tried: list[_Found] = []
+    cropped = see_crops(*seen.of(turn.index))
 
     def otherwise() -> tuple[TurntableFit, Consensus | None] | None:
-        for found in _try_others(turn, given, silhouettes, signs, fewest):
+        for found in _try_others(turn, given, seen, bool(cropped)):
             tried.append(found)
-            if found.fit.rms <= SUSPECT * turn.size / 256 and found.explained >= CLEARLY * len(
-                turn.index
-            ):
+            if _is_clear(found, turn):
                 return found.fit, found.verdict
         return None
 
-    one = _Found(*fit_most(turn, given, fewest, progress, otherwise), given)
+    one = _Found(*fit_most(turn, given, seen.fewest, progress, otherwise), given)
     best = max(tried, key=lambda found: found.explained, default=one)
-    return best if best.explained > one.explained or best.fit is one.fit else one
+    best = best if best.explained > one.explained or best.fit is one.fit else one
+    if not cropped and best.explained < seen.fewest:
+        crops = _try_crops(turn, given, seen)
+        return crops if crops and _is_clear(crops, turn) else best
+    return best
 
 
-def _try_others(
-    turn: Turntable,
-    given: Given,
-    silhouettes: np.ndarray,
-    signs: Callable[[], Signs | None],
-    fewest: float,
-) -> Iterator[_Found]:
-    """Fits of the rounds that the photographs show, each made when it is asked for."""
+def _is_clear(found: _Found, turn: Turntable) -> bool:
+    """Whether a fit explains most views so well that nothing else is tried."""
+    small = found.fit.rms <= SUSPECT * turn.size / 256
+    return small and found.explained >= CLEARLY * len(turn.index)
+
+
+def _try_others(turn: Turntable, given: Given, seen: _Seen, cropped: bool) -> Iterator[_Found]:
+    """Fits of other models that the photographs show, each made when it is asked for."""
+    silhouettes = seen.silhouettes
     if given.step is None and repeats_first(silhouettes):
         full = replace(given, count=given.count - 1)
         yield _Found(solve(turn, search(turn, full), full), None, full)
-    for split in propose(silhouettes, signs())[:SPLITS]:
+    if cropped and (crops := _try_crops(turn, given, seen)):
+        yield crops
+    for split in propose(silhouettes, seen.signs())[:SPLITS]:
         if all(is_in_order(silhouettes[views]) for views in split.rounds):
             same = [Known(None, None, given.step) for _ in split.rounds]
-            found = _fit_split(turn, split, same, silhouettes, given.above_table, fewest, untold)
+            found = _fit_split(
+                turn, split, same, silhouettes, given.above_table, seen.fewest, untold
+            )
             if _moves(found.fit):
                 yield found
+
+
+def _try_crops(turn: Turntable, given: Given, seen: _Seen) -> _Found | None:
+    """The turntable of views that were cropped one by one, unless the crops come to nothing."""
+    silhouettes, frames, scales = seen.of(turn.index)
+    tight = are_tight(silhouettes, frames)
+    whole = len(turn.index) if tight else (~turn.outlines.cut).sum()
+    if whole < max(FEWEST_AGREEING, SHARE * len(turn.index)):
+        return None
+    ratios = np.ones((len(turn.index), 2))
+    if scales is not None:
+        ratios = scales / [1, turn.aspect]
+        ratios = ratios / np.exp(np.log(ratios).mean())
+    fit = fit_crops(turn, ratios, given, tight)
+    if not fit.agrees.any() or not fit.changes:
+        return None
+    return _Found(*fit.as_turntable(), given, crops=fit)
 
 
 def _moves(fit: TurntableFit) -> bool:
@@ -322,6 +384,7 @@ def calibrate_views(
         [view.view for view in views],
         aspect=float(scale[1, 1] / scale[0, 0]),
         frames=np.array([view.frame for view in views]),
+        scales=np.array([np.diag(view.pixel_map)[:2] for view in views]),
         signs=lambda: read_signs(views),
         **known,
     )
@@ -350,6 +413,8 @@ def attempt_calibration(
     if found.rounds:
         figures["rounds_because"] = found.rounds_because
         figures["rounds"] = [asdict(one) for one in found.rounds]
+    if found.crops:
+        figures["crops"] = {view: asdict(crop) for view, crop in found.crops.items()}
     return Attempt("calibrate", found.cameras, warnings=found.warnings, figures=figures)
 
 
@@ -454,7 +519,12 @@ def _report(
     *camera, own = turn.cameras_at(best.x, count)
     alike = distance_between(turn.outlines) < ALIKE
     free = free_parameters(turn, given.known, offsets=bool(own.any()))
-    sd = _find_deviations(turn, best, misses, given.known, free, alike)
+    crops: dict[str, Crop] = {}
+    if found.crops:
+        sd, own_sd = found.crops.deviations(given.known)
+        crops = _describe_crops(found.crops, own_sd, views)
+    else:
+        sd = _find_deviations(turn, best, misses, given.known, free, alike)
     estimates = _estimate(best.x, sd, given.known)
     rounds = _describe_rounds(turn, best.x, sd, given.known, views)
     view_rms = np.zeros(count)
@@ -464,11 +534,15 @@ def _report(
         for r, k in zip(misses.pixels, turn.outlines.known, strict=True)
     ]
     K, R, t = map(torch.as_tensor, camera)
-    cameras = Cameras(tuple(views), torch.full((count, 2), turn.size), K.repeat(count, 1, 1), R, t)
+    K = K.repeat(count, 1, 1)
+    if found.crops:
+        K = torch.as_tensor(found.crops.maps_of(count)) @ K
+    cameras = Cameras(tuple(views), torch.full((count, 2), turn.size), K, R, t)
     certain = not alike and all(x[STEP] * best.x[STEP] > 0 for x in fit.rivals)
     because = found.split.because if found.split else ""
     warnings = [
         *_say_rounds(rounds, because),
+        *_say_crops(crops),
         *said,
         *([LATHE] if alike else _warn_of_estimates(estimates)),
         *([] if alike else _warn_of_rivals(estimates, fit.rivals, certain, fit.mirror)),
@@ -477,7 +551,7 @@ def _report(
     ]
     return Calibration(
         cameras, estimates, turn.row, certain, fit.mirror, fit.rms, view_rms, disagreeing, own,
-        tuple(warnings), rounds, because,
+        tuple(warnings), rounds, because, crops,
     )  # fmt: skip
 
 
@@ -562,6 +636,40 @@ def _say_rounds(rounds: Sequence[Round], because: str) -> list[str]:
         for one in rounds
     )
     return [f"the photographs are taken to be {len(rounds)} rounds, told by {because}: {said}"]
+
+
+def _describe_crops(fit: CropFit, sd: np.ndarray, views: Sequence[str]) -> dict[str, Crop]:
+    """The crop of each view with an outline."""
+    middle = fit.cropped.turn.size / 2
+    own, crops = fit.cropped.split(fit.x)
+    maps = fit.cropped.at(fit.x)[0].maps
+    shifts = maps[:, 1] + (maps[:, 0] - 1) * middle
+    return {
+        views[i]: Crop(
+            tuple(shift.tolist()),
+            float(np.exp(crop[SCALE])),
+            tuple(one[:SCALE].tolist()),
+            float(one[SCALE]),
+        )
+        for i, shift, crop, one in zip(fit.cropped.turn.index, shifts, crops, sd, strict=True)
+    }
+
+
+def _say_crops(crops: dict[str, Crop]) -> list[str]:
+    """A sentence that says that the views were cropped, if they were."""
+    if not crops:
+        return []
+    scales = [crop.scale for crop in crops.values()]
+    shifts = np.array([crop.shift for crop in crops.values()])
+    sd = np.median([[*crop.shift_sd, crop.scale_sd] for crop in crops.values()], axis=0)
+    scaled = max(scales) > min(scales)
+    said = f", scaled from {min(scales):.2f} to {max(scales):.2f} (+- {sd[2]:.1%})" * scaled
+    x, y = np.ptp(shifts, axis=0)
+    return [
+        f"the photographs are taken to be cropped one by one: shifted by up to {x:.1f} and {y:.1f} "
+        f"pixels of the working images against each other (+- {sd[0]:.1f} and {sd[1]:.1f}){said}; "
+        "photographs that were not cropped tell more"
+    ]
 
 
 def _warn_of_phases(turn: Turntable, x: np.ndarray, rivals: Sequence[np.ndarray]) -> list[str]:

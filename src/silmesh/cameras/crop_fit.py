@@ -10,8 +10,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from silmesh.cameras.crops import Cropped
-from silmesh.cameras.frontier import SCALE
+from scipy.optimize import OptimizeResult
+
+from silmesh.cameras.consensus import Consensus
+from silmesh.cameras.crops import OWN, Cropped
+from silmesh.cameras.frontier import SCALE, to_maps
 from silmesh.cameras.turntable_fit import (
     ARCS,
     CLEAR,
@@ -21,12 +24,16 @@ from silmesh.cameras.turntable_fit import (
     STARTS,
     SUSPECT,
     Given,
+    TurntableFit,
     root_mean_square,
 )
 from silmesh.cameras.turntable_residuals import (
+    AXIS,
     COARSE_SAMPLES,
     COARSE_VIEWS,
+    INDEPENDENT,
     NAMES,
+    NOISE,
     STEP,
     Turntable,
 )
@@ -39,6 +46,8 @@ PARTS = (0.4, 0.6, 0.8)  # shares of the time after which the search and the ref
 ROUNDS, AGAIN = 4, 0.9  # of refinement; the share of the cost that another one has to reach
 # Photographs may not have been scaled if the standard deviation of their scales is at most this.
 SAME_SCALE = 0.05
+# Median change by a crop, in sizes of the image and parts of the scale, from which it is one.
+LEAST_CHANGE = np.array([0.005, 0.005, 0.005])
 TWICE = 3.0  # a view disagrees from so many times the median of all views' residuals
 
 
@@ -62,22 +71,85 @@ class CropFit:
     pixels: np.ndarray
     agrees: np.ndarray
 
+    def as_turntable(self) -> tuple[TurntableFit, Consensus | None]:
+        """The fit of the views that agree, and how far all do if not all agree."""
+        kept = np.flatnonzero(self.agrees)
+        turn, own = self.cropped.at(self.x)
+        part = turn.alone(kept)
+        part.column, part.row = turn.column, turn.row
+        x = part.widen(own)
+        fit = TurntableFit(part, OptimizeResult(x=x), self.rivals, self.mirror, part.misses(x))
+        verdict = Consensus(own, self.pixels, self.agrees)
+        return fit, None if self.agrees.all() else verdict
+
+    def maps_of(self, positions: int) -> np.ndarray:
+        """From pixels of the camera that stands still to those of each view: [positions, 3, 3].
+
+        Of views without an outline as if they were not cropped.
+        """
+        maps = np.tile(np.eye(3), (positions, 1, 1))
+        found = self.cropped.at(self.x)[0].maps
+        index = self.cropped.turn.index
+        maps[index, 0, 0], maps[index, 1, 1] = found[:, 0].T
+        maps[index, :2, 2] = found[:, 1]
+        return maps
+
     @property
-    def rms(self) -> float:
-        """Root mean square residual of the views that agree, in pixels."""
-        return root_mean_square(self.pixels[self.agrees])
+    def changes(self) -> bool:
+        """Whether the crops differ by more than the place of the object in the world explains."""
+        own, crops = self.cropped.split(self.x)
+        moves = _move_world(self.cropped, own, crops)
+        wanted = crops.reshape(-1, 1)
+        left = wanted - moves @ np.linalg.lstsq(moves, wanted, rcond=None)[0]
+        left = np.abs(left.reshape(crops.shape)[self.agrees])
+        size = self.cropped.turn.size
+        return bool((np.median(left, axis=0) > LEAST_CHANGE * [size, size, 1]).any())
+
+    def deviations(self, known: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+        """Standard deviations of the turntable's parameters, and of the crops [views, 3].
+
+        From the derivatives of the residuals at the fit. What moves all crops with the object in
+        the world does not count, since the silhouettes need not tell it.
+        """
+        cropped, views = self.cropped, len(self.agrees)
+        part = cropped.select(np.arange(views), 2)
+        turn, own = part.at(self.x)
+        misses = part.misses(self.x)
+        slopes = part.slopes(self.x, misses)
+        slopes[..., : turn.shared] = turn.secants(own)
+        slopes[~self.agrees] = 0
+        crops = cropped.own_crops(len(own))
+        shared = [i for i in range(turn.shared) if i not in (*known, AXIS)]
+        free = np.r_[shared, crops].astype(int)
+        data = slopes.reshape(-1, len(self.x))[:, free]
+        noise = max(NOISE, root_mean_square(self.pixels[self.agrees]))
+        weight = INDEPENDENT / turn.outlines.known.shape[1] / noise**2
+        prior = np.r_[turn.prior()[1], cropped.spread()][free]
+        covariance = np.linalg.pinv(weight * data.T @ data + np.diag(prior**-2.0))
+        sd = np.zeros(len(self.x))
+        sd[free] = np.sqrt(np.diag(covariance))
+        moves = _move_world(cropped, own, cropped.split(self.x)[1])[crops - len(own)]
+        still = np.eye(len(crops)) - moves @ np.linalg.pinv(moves)
+        own_part = covariance[len(shared) :, len(shared) :]
+        sd[crops] = np.sqrt(np.diag(still @ own_part @ still.T).clip(0))
+        return sd[: len(own)], sd[len(own) :].reshape(views, -1)
 
 
 def fit_crops(
-    turn: Turntable, ratios: np.ndarray, given: Given, progress: Share = untold
+    turn: Turntable,
+    ratios: np.ndarray,
+    given: Given,
+    tight: bool = False,
+    progress: Share = untold,
 ) -> CropFit:
     """Find turntable and crops together.
 
     Args:
         turn: with the views that have an outline
         ratios: [views, 2] known scales of their working images
+        tight: whether they were cropped to the object's box
     """
-    cropped = Cropped.of(turn, ratios)
+    cropped = Cropped.of(turn, ratios, tight)
     shared = _find_free(given)
     part, kept = cropped.thin(COARSE_VIEWS, COARSE_SAMPLES)
     starts = _search(part, given, within(progress, 0, PARTS[0]))
@@ -101,6 +173,17 @@ def fit_crops(
     if not agrees.all() and agrees.sum() >= FEWEST_AGREEING:
         x, pixels, agrees = _fit_agreeing(cropped, x, agrees, shared)
     return CropFit(cropped, x, rivals, mirror, pixels, agrees)
+
+
+def _move_world(cropped: Cropped, own: np.ndarray, crops: np.ndarray) -> np.ndarray:
+    """How crops change with the object's place and size in the world: [views * 3, 4]."""
+    K, R, t = cropped.turn.camera(own)
+    scale = to_maps(crops, cropped.ratios)[:, 0]
+    moves = np.zeros((len(crops), OWN, 4))
+    moves[:, :SCALE, :3] = scale[:, :, None] * R[:, :2] * np.diag(K)[:2, None] / t[:, 2, None, None]
+    moves[:, SCALE, :3] = -R[:, 2] / t[:, 2, None]
+    moves[:, SCALE, 3] = 1
+    return moves.reshape(-1, 4)
 
 
 def _find_free(given: Given) -> np.ndarray:

@@ -51,29 +51,38 @@ class Cropped:
         turn: whose camera looks at the middle of its image
         hulls: [views, n, 2] outermost points of the outlines, in pixels
         ratios: [views, 2] known scales of the working images, about 1 in the mean
+        whole: [views] bool, whose outermost points are the object's and not the frame's
         scaled: whether the crops were scaled by more than that
     """
 
     turn: Turntable
     hulls: np.ndarray
     ratios: np.ndarray
+    whole: np.ndarray
     scaled: bool = True
 
     @staticmethod
-    def of(turn: Turntable, ratios: np.ndarray) -> "Cropped":
-        """Of views that were cropped to the object by about the same rule."""
+    def of(turn: Turntable, ratios: np.ndarray, tight: bool = False) -> "Cropped":
+        """Of views that were cropped to the object.
+
+        Args:
+            tight: by its box, so that an outline at the frame is the object's
+        """
         hulls = trace_hulls(turn.outlines.distances)
         maps = to_maps(_start_crops(hulls, ratios, turn.size, True), ratios)
         whole = Turntable(
-            turn.outlines, turn.size, turn.aspect, turn.distance, turn.index, maps
+            turn.outlines, turn.size, turn.aspect, turn.distance, turn.index, maps=maps
         )
         whole.column = whole.row = turn.size / 2
-        return Cropped(whole, hulls, ratios)
+        known = np.ones(len(hulls), bool) if tight else ~turn.outlines.cut
+        return Cropped(whole, hulls, ratios, known)
 
     def select(self, views: np.ndarray, every: int = 1) -> "Cropped":
         """The same of these views, and every so many-th of their points."""
         part = self.turn.select(views, every)
-        return Cropped(part, self.hulls[views], self.ratios[views], self.scaled)
+        return Cropped(
+            part, self.hulls[views], self.ratios[views], self.whole[views], self.scaled
+        )
 
     def thin(self, views: int, samples: int) -> tuple["Cropped", np.ndarray]:
         """The same of fewer views and points, for a search, and the positions of the views."""
@@ -111,7 +120,7 @@ class Cropped:
         """
         frontier = self.frontier(own)
         views = len(crops)
-        free = self._own_crops(0)
+        free = self.own_crops(0)
 
         def whole(part: np.ndarray) -> np.ndarray:
             x = crops.ravel().copy()
@@ -127,7 +136,7 @@ class Cropped:
             slopes,
             np.full(rows, views / max(rows, 1)),
             crops.ravel()[free],
-            START_PRIOR * self._spread()[free] ** -2.0,
+            START_PRIOR * self.spread()[free] ** -2.0,
             *np.full((2, len(free)), np.inf) * [[-1], [1]],
         )
         found = whole(minimise(problem, crops.ravel()[free], FRONTIER_STEPS))
@@ -135,14 +144,15 @@ class Cropped:
 
     def frontier(self, own: np.ndarray) -> Frontier:
         """The frontier points at parameters of the turntable."""
-        return Frontier.of(self.turn.camera(own), np.zeros(3), self.hulls, self.ratios)
+        camera = self.turn.camera(own)
+        return Frontier.of(camera, np.zeros(3), self.hulls, self.ratios, self.whole)
 
-    def _spread(self) -> np.ndarray:
+    def spread(self) -> np.ndarray:
         """Standard deviations of the crops' priors: [views * 3]."""
         size = self.turn.size
         return np.tile(SPREAD * [size, size, 1], len(self.hulls))
 
-    def _own_crops(self, first: int) -> np.ndarray:
+    def own_crops(self, first: int) -> np.ndarray:
         """Positions of what is free of the crops, which come after ``first`` others."""
         own = [SHIFT_X, SHIFT_Y, *([SCALE] if self.scaled else [])]
         return first + (OWN * np.arange(len(self.hulls))[:, None] + own).ravel()
@@ -185,7 +195,7 @@ class Cropped:
         """
         turn, (own, crops) = self.turn, self.split(start)
         shared = np.setdiff1d(shared, [AXIS])
-        free = np.r_[shared, self._own_crops(len(own))].astype(int)
+        free = np.r_[shared, self.own_crops(len(own))].astype(int)
         touching = self.frontier(own)
         known = turn.outlines.known.ravel()
         last: list[tuple[bytes, Misses]] = []
@@ -210,7 +220,7 @@ class Cropped:
             return np.concatenate([data, self._slope(touching, x, shared)[:, free]])
 
         mean, sd = turn.prior()
-        mean, sd = np.r_[mean, crops.ravel()], np.r_[sd, self._spread()]
+        mean, sd = np.r_[mean, crops.ravel()], np.r_[sd, self.spread()]
         worth = NOISE**2 * turn.outlines.known.shape[1] / INDEPENDENT
         limits = np.full((2, len(start)), np.inf) * [[-1], [1]]
         limits[:, : len(own)] = turn.limits(own)

@@ -80,15 +80,21 @@ class Frontier:
         middle: np.ndarray,
         hulls: np.ndarray,
         ratios: np.ndarray,
+        whole: np.ndarray,
     ) -> "Frontier":
-        """Of cameras K [3, 3] or one each, R and t, about an object whose middle [3] is known."""
+        """Of cameras K [3, 3] or one each, R and t, about an object whose middle [3] is known.
+
+        Args:
+            whole: [views] bool, of which views the outermost points are the object's
+        """
         K, R, t = camera
         sight = middle - _find_centres(R, t)
         sight = sight / np.linalg.norm(sight, axis=1, keepdims=True)
         first, second = np.triu_indices(len(R), 1)
         apart = np.degrees(np.arccos(np.clip((sight[first] * sight[second]).sum(1), -1, 1)))
-        seen = np.flatnonzero((apart > LEAST_ANGLE) & (apart < MOST_ANGLE))
-        seen = seen[:: -(-len(seen) // MOST_PAIRS)]
+        seen = (apart > LEAST_ANGLE) & (apart < MOST_ANGLE) & whole[first] & whole[second]
+        seen = np.flatnonzero(seen)
+        seen = seen[:: max(1, -(-len(seen) // MOST_PAIRS))]
         plain = Frontier(K, R, hulls, ratios, first[seen], second[seen], np.zeros((0, 2, 3)))
         return plain.of_cameras(camera, middle)
 
