@@ -154,7 +154,7 @@ def fit_mesh(case: Path, seen: np.ndarray, frames: np.ndarray, step: float) -> d
         Image.fromarray(part.astype(np.uint8) * 255).save(case / f"masks/v{i:02d}.png")
     made = silmesh.reconstruct(
         case / "photographs", masks=case / "masks", size=seen.shape[1], cameras="calibrate",
-        turntable={"step": step},
+        turntable=f",,{step:g}",
     )  # fmt: skip
     return {"iou": float(made.metrics["iou_mean"]), "iou_least": float(made.metrics["iou_min"])}
 

@@ -10,7 +10,7 @@ axis. The object's place beside the axis shows in the shifts, which say nothing 
 perspective does.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -53,6 +53,7 @@ class Cropped:
         ratios: [views, 2] known scales of the working images, about 1 in the mean
         whole: [views] bool, whose outermost points are the object's and not the frame's
         scaled: whether the crops were scaled by more than that
+        level: whether the mean of the scales' logarithms is 0, since the world's scale is free
     """
 
     turn: Turntable
@@ -60,6 +61,7 @@ class Cropped:
     ratios: np.ndarray
     whole: np.ndarray
     scaled: bool = True
+    level: bool = True
 
     @staticmethod
     def of(turn: Turntable, ratios: np.ndarray, tight: bool = False) -> "Cropped":
@@ -80,9 +82,8 @@ class Cropped:
     def select(self, views: np.ndarray, every: int = 1) -> "Cropped":
         """The same of these views, and every so many-th of their points."""
         part = self.turn.select(views, every)
-        return Cropped(
-            part, self.hulls[views], self.ratios[views], self.whole[views], self.scaled
-        )
+        hulls, ratios, whole = (v[views] for v in (self.hulls, self.ratios, self.whole))
+        return replace(self, turn=part, hulls=hulls, ratios=ratios, whole=whole)
 
     def thin(self, views: int, samples: int) -> tuple["Cropped", np.ndarray]:
         """The same of fewer views and points, for a search, and the positions of the views."""
@@ -95,7 +96,7 @@ class Cropped:
     def split(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The turntable's parameters, and the crops [views, 3], whose mean scale is 1."""
         views = len(self.hulls)
-        return x[: -OWN * views], _level(x[-OWN * views :].reshape(views, OWN))
+        return x[: -OWN * views], self.levelled(x[-OWN * views :].reshape(views, OWN))
 
     def at(self, x: np.ndarray) -> tuple[Turntable, np.ndarray]:
         """The turntable with the crops, and its own parameters."""
@@ -125,10 +126,10 @@ class Cropped:
         def whole(part: np.ndarray) -> np.ndarray:
             x = crops.ravel().copy()
             x[free] = part
-            return _level(x.reshape(views, OWN))
+            return self.levelled(x.reshape(views, OWN))
 
         def slopes(part: np.ndarray) -> np.ndarray:
-            return _level(frontier.slopes(whole(part))).reshape(rows, -1)[:, free]
+            return self.levelled(frontier.slopes(whole(part))).reshape(rows, -1)[:, free]
 
         rows = 2 * len(frontier.first)
         problem = Problem(
@@ -151,6 +152,13 @@ class Cropped:
         """Standard deviations of the crops' priors: [views * 3]."""
         size = self.turn.size
         return np.tile(SPREAD * [size, size, 1], len(self.hulls))
+
+    def levelled(self, values: np.ndarray) -> np.ndarray:
+        """Crops, or derivatives by them, [..., views, 3], with a mean scale of 1 where it is so."""
+        if self.level:
+            values = values.copy()
+            values[..., SCALE] -= values[..., SCALE].mean(axis=-1, keepdims=True)
+        return values
 
     def own_crops(self, first: int) -> np.ndarray:
         """Positions of what is free of the crops, which come after ``first`` others."""
@@ -182,7 +190,7 @@ class Cropped:
             slopes[view, sample, view, i] += change
             change = (far_side[0] - far_side[1])[view, sample] / (2 * nudge)
             slopes[view, sample, missed, i] += change
-        return np.concatenate([shared, _level(slopes).reshape(views, samples, -1)], axis=2)
+        return np.concatenate([shared, self.levelled(slopes).reshape(views, samples, -1)], axis=2)
 
     def fit(
         self, start: np.ndarray, shared: np.ndarray, steps: int, frontier: bool = True
@@ -194,7 +202,7 @@ class Cropped:
                 together: they lead out of local minima, but are less exact
         """
         turn, (own, crops) = self.turn, self.split(start)
-        shared = np.setdiff1d(shared, [AXIS])
+        shared = np.setdiff1d(shared, [AXIS]).astype(int)
         free = np.r_[shared, self.own_crops(len(own))].astype(int)
         touching = self.frontier(own)
         known = turn.outlines.known.ravel()
@@ -243,7 +251,7 @@ class Cropped:
         moved = frontier.of_cameras(self.turn.camera(own), np.zeros(3))
         rows = 2 * len(frontier.first)
         slopes = np.zeros((rows, len(x)))
-        slopes[:, len(own) :] = _level(moved.slopes(crops)).reshape(rows, -1)
+        slopes[:, len(own) :] = self.levelled(moved.slopes(crops)).reshape(rows, -1)
         for i in shared:
             step = NUDGE[i] * np.eye(len(x))[i]
             up, down = (self._touch(frontier, x + side * step) for side in (1, -1))
@@ -268,13 +276,3 @@ def _start_crops(
     scale = ratios * np.exp(crops[:, SCALE:])
     crops[:, :SCALE] = (low + high) / 2 - scale * size / 2
     return crops
-
-
-def _level(values: np.ndarray) -> np.ndarray:
-    """Crops, or derivatives by them, [..., views, 3], with a mean of the scales' logarithms of 0.
-
-    The world's scale is free, so that the mean says nothing.
-    """
-    values = values.copy()
-    values[..., SCALE] -= values[..., SCALE].mean(axis=-1, keepdims=True)
-    return values

@@ -159,7 +159,7 @@ def make_pose(
     points: np.ndarray,
     maps: np.ndarray | None = None,
 ) -> Pose:
-    """Prepare cameras with K [3, 3] of all, R [views, 3, 3], t [views, 3] and outline points.
+    """Prepare cameras with K [3, 3] of all or one each, R [views, 3, 3], t [views, 3] and outline points.
 
     Args:
         maps: [views, 2, 2] scale (x, y) and shift (x, y) by which each view was cropped, if any was
@@ -169,7 +169,8 @@ def make_pose(
         scale, shift = maps[:, 0], maps[:, 1]
         points = uncrop(points, maps)
         P[:, :2] = scale[:, :, None] * P[:, :2] + shift[:, :, None] * P[:, 2:]
-    rays = np.concatenate([points, np.ones_like(points[..., :1])], axis=2) @ np.linalg.inv(K).T
+    rays = np.concatenate([points, np.ones_like(points[..., :1])], axis=2)
+    rays = rays @ np.linalg.inv(K).swapaxes(-1, -2)
     return Pose(P, -np.einsum("vji,vj->vi", R, t), rays @ R, np.ascontiguousarray(t[:, 2]))
 
 
