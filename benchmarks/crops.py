@@ -117,6 +117,7 @@ def cases(given: argparse.Namespace) -> Iterator[tuple]:
         given.half_angles,
     )
 
+
 def find(
     seen: np.ndarray, frames: np.ndarray, cameras: Cameras, step: float | None, size: int
 ) -> dict:

@@ -641,7 +641,7 @@ def _say_rounds(rounds: Sequence[Round], because: str) -> list[str]:
 def _describe_crops(fit: CropFit, sd: np.ndarray, views: Sequence[str]) -> dict[str, Crop]:
     """The crop of each view with an outline."""
     middle = fit.cropped.turn.size / 2
-    own, crops = fit.cropped.split(fit.x)
+    crops = fit.cropped.split(fit.x)[1]
     maps = fit.cropped.at(fit.x)[0].maps
     shifts = maps[:, 1] + (maps[:, 0] - 1) * middle
     return {

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-
 from scipy.optimize import OptimizeResult
 
 from silmesh.cameras.consensus import Consensus

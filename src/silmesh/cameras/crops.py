@@ -5,9 +5,9 @@ and the scale s of the view, and the known scale r of its working image. The res
 ``silmesh.cameras.turntable_residuals``, over these beside the turntable's own parameters. They
 start from what the frontier points say of each crop (``silmesh.cameras.frontier``).
 
-Of what nothing shows, the mean of the scales' logarithms is 0, and the uncropped camera looks at the
-axis. The object's place beside the axis shows in the shifts, which say nothing of it unless the
-perspective does.
+Nothing shows the world's scale, so the mean of the scales' logarithms is 0, and the camera before
+the crops looks at the axis. Where the object stands beside the axis shows in the shifts, and apart
+from them only in the perspective.
 """
 
 from dataclasses import dataclass, replace
@@ -264,9 +264,7 @@ class Cropped:
         return turn.cost(own)
 
 
-def _start_crops(
-    hulls: np.ndarray, ratios: np.ndarray, size: int, scaled: bool
-) -> np.ndarray:
+def _start_crops(hulls: np.ndarray, ratios: np.ndarray, size: int, scaled: bool) -> np.ndarray:
     """Crops [views, 3] by which all outlines are as high, and their boxes' middles the same."""
     low, high = hulls.min(axis=1), hulls.max(axis=1)
     crops = np.zeros((len(hulls), OWN))

@@ -1,8 +1,7 @@
 """Cameras that are known, whose photographs were cropped since: a shift and a scale a view.
 
-The cameras stand still; only the crops are found (``silmesh.cameras.crops``). The scale's mean is
-not free here, since the cameras fix the world, but only perspective tells it from the object's
-size; so does it the mean shift from the object's place.
+Only the crops are found (``silmesh.cameras.crops``). The mean scale is
+unknown too, since the cameras fix the world, but only perspective tells it from the object's size; so it is with the mean shift and the object's place.
 """
 
 from copy import copy
@@ -22,7 +21,7 @@ from silmesh.cameras.silhouette_coherence import (
     make_pose,
     trace,
 )
-from silmesh.cameras.turntable_residuals import SOFT
+from silmesh.cameras.turntable_residuals import COARSE_SAMPLES, COARSE_VIEWS, NOISE, SOFT
 from silmesh.errors import InputError
 from silmesh.geometry.camera import Cameras
 
@@ -136,13 +135,21 @@ def find_crops(
     if not (depth > 0).all():
         return None
     tight = are_tight(silhouettes, frames)
-    best = None
-    for scaled, mean in ((False, 1.0), *((True, mean) for mean in MEAN_SCALES)):
-        cropped, x = _fit(cameras, middle.numpy(), outlines, tight, scaled, mean)
-        cost = cropped.cost(x)
-        if best is None or cost < best[0] / (WELL if not best[1].scaled else 1):
-            best = cost, cropped, x
-    return _finish(best[1], best[2], cameras)
+    some = np.unique(np.linspace(0, len(cameras), COARSE_VIEWS, endpoint=False).astype(int))
+    some = some if len(cameras) > COARSE_VIEWS else np.arange(len(cameras))
+    thin = cameras.select(some), middle.numpy(), outlines.select(some, SAMPLES // COARSE_SAMPLES)
+    tried = {
+        way: _find_cost(*_fit(*thin, tight, *way))
+        for way in [(False, 1.0), *((True, mean) for mean in MEAN_SCALES)]
+    }
+    best = min(tried, key=tried.__getitem__)
+    if tried[False, 1.0] <= WELL * tried[best] + NOISE**2:
+        best = False, 1.0
+    return _finish(*_fit(cameras, middle.numpy(), outlines, tight, *best), cameras)
+
+
+def _find_cost(cropped: Cropped, x: np.ndarray) -> float:
+    return cropped.cost(x)
 
 
 def _fit(

@@ -159,9 +159,13 @@ def make_pose(
     points: np.ndarray,
     maps: np.ndarray | None = None,
 ) -> Pose:
-    """Prepare cameras with K [3, 3] of all or one each, R [views, 3, 3], t [views, 3] and outline points.
+    """Prepare cameras and the points of outlines.
 
     Args:
+        K: [3, 3] of all, or one each
+        R: [views, 3, 3]
+        t: [views, 3]
+        points: [views, samples, 2] pixels
         maps: [views, 2, 2] scale (x, y) and shift (x, y) by which each view was cropped, if any was
     """
     P = K @ np.concatenate([R, t[:, :, None]], axis=2)

@@ -137,9 +137,7 @@ class Turntable:
         """A turntable whose silhouettes are those of these views alone."""
         outlines, index = self.outlines.select(views), self.index[views]
         maps = None if self.maps is None else self.maps[views]
-        return Turntable(
-            outlines, self.size, self.aspect, self.distance, index, self.rounds, maps
-        )
+        return Turntable(outlines, self.size, self.aspect, self.distance, index, self.rounds, maps)
 
     def cropped(self, maps: np.ndarray) -> "Turntable":
         """The same turntable before views that were cropped so."""

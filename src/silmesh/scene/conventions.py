@@ -24,6 +24,8 @@ from silmesh.cameras.attempt import (
     WORLD_TO_CAMERA,
     Attempt,
 )
+from silmesh.cameras.crop_signs import see_crops
+from silmesh.cameras.crops_of_given import find_crops
 from silmesh.errors import InputError
 from silmesh.geometry.camera import OPENGL, Cameras
 from silmesh.geometry.frame import find_shown
@@ -119,6 +121,8 @@ def settle(
         return _tell_taken(faced, mean), normalised
     found, agreed, own = _find_fitting(attempt, faced, silhouettes, mean >= COHERENT, frames)
     better = agreed >= max(FITS, own + (NEAR if mean >= COHERENT else GAIN))
+    if not better and mean < COHERENT and (settled := _crop(faced, silhouettes, frames, mean)):
+        return settled
     doubted = faced.mirrored or faced.doubt is not None
     enough = normalised is not None and normalised.overall >= REFUSED
     if normalised and not better and (enough or not doubted):
@@ -127,6 +131,53 @@ def settle(
     if enough and not doubted:
         return replace(faced, warnings=(*faced.warnings, f"{_file(faced)}: {why}")), normalised
     raise InputError(why)
+
+
+def _crop(
+    attempt: Attempt, silhouettes: np.ndarray, frames: np.ndarray | None, mean: float
+) -> tuple[Attempt, Normalised] | None:
+    """The cameras with a shift and a scale a view, if the photographs were cropped since.
+
+    Args:
+        mean: the hull IoU of the cameras as they are
+    Returns:
+        None if nothing shows that, or if the silhouettes contradict those cameras too
+    """
+    shown, views = find_shown(silhouettes), attempt.cameras.views
+    seen = silhouettes[shown], None if frames is None else frames[shown]
+    why = see_crops(*seen)
+    if not (why or attempt.doubt) or any(attempt.cameras.lenses):
+        return None
+    found = find_crops(attempt.cameras.select(shown), *seen)
+    if found is None:
+        return None
+    K = attempt.cameras.K.clone()
+    K[shown] = found.cameras.K
+    cameras = replace(attempt.cameras, K=K)
+    try:
+        normalised = normalise(cameras, silhouettes, frames=frames)
+    except InputError:
+        return None
+    if normalised.overall < max(COHERENT, mean + NEAR):
+        return None
+    crops = {
+        views[i]: {"shift": shift.tolist(), "scale": float(scale)}
+        for i, shift, scale in zip(shown, found.shifts, found.scales, strict=True)
+    }
+    x, y = np.ptp(found.shifts, axis=0)
+    low, high = found.scales.min(), found.scales.max()
+    scaled = f", scaled by {low:.2f} to {high:.2f}" if high > low else ", not scaled"
+    said = (
+        f"{_file(attempt)}: the photographs are taken to be cropped since: shifted by up to "
+        f"{x:.1f} and {y:.1f} pixels of the working images against each other{scaled}. The "
+        f"cameras agree with the silhouettes so (hull IoU {normalised.overall:.2f}, {mean:.2f} as "
+        "they are)"
+    )
+    known = {**attempt.figures, "crops": crops}
+    taken = replace(attempt, cameras=cameras, figures=known, doubt=None)
+    if attempt.doubt:
+        said = f"{attempt.doubt}; {said}"
+    return replace(taken, warnings=(*attempt.warnings, said)), normalised
 
 
 def _face(attempt: Attempt, silhouettes: np.ndarray) -> Attempt:
