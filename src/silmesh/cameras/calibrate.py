@@ -237,7 +237,9 @@ def calibrate(
         _refuse_incoherent(found, repeated)
     verdict = None if found.is_of_all else found.verdict
     disagreeing = {views[i]: FULL for i in full} | _name_disagreeing(verdict, named)
-    said = [*repeated, *_warn_of_disagreement(disagreeing, views), *_find_cut(turn, named)]
+    said = [*repeated, *_warn_of_disagreement(disagreeing, views)]
+    if not (found.crops and found.crops.cropped.whole.all()):
+        said += _find_cut(turn, named)
     pixels = {} if verdict is None else dict(zip(shown, verdict.pixels, strict=True))
     return _report(found, views, pixels, disagreeing, said)
 

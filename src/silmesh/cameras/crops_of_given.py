@@ -1,7 +1,8 @@
 """Cameras that are known, whose photographs were cropped since: a shift and a scale a view.
 
-Only the crops are found (``silmesh.cameras.crops``). The mean scale is
-unknown too, since the cameras fix the world, but only perspective tells it from the object's size; so it is with the mean shift and the object's place.
+Only the crops are found (``silmesh.cameras.crops``), their mean scale too: the cameras fix the
+world, but only perspective tells that scale from the object's size, and their mean shift from the
+object's place.
 """
 
 from copy import copy
