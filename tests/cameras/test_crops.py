@@ -1,4 +1,4 @@
-"""Views that were cropped one by one, found from made-up objects whose cameras and crops are known."""
+"""Views that were cropped one by one, found from objects whose cameras and crops are known."""
 
 import math
 from dataclasses import replace
