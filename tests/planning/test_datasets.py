@@ -9,7 +9,7 @@ from PIL import Image
 
 from silmesh.errors import InputError
 from silmesh.planning.datasets import COLUMNS, read_datasets
-from silmesh.settings.turntable import Turntable
+from silmesh.settings.turntable import Turntable, parse_turntable
 
 HEADER = "object\timages\tmasks\tsilhouettes\tcameras\tturntable\ttruth\tvariants\n"
 GOOD = {
@@ -337,6 +337,24 @@ def test_a_turntable_of_wrong_numbers(table, cell):
 
 def test_a_turntable_may_turn_the_other_way(table):
     assert read_one(table, turntable="2.732,30,-5").turntable == Turntable(2.732, 30, -5)
+
+
+def test_a_turntable_of_several_rounds(table):
+    known = read_one(table, cameras="calibrate", turntable=",5,20,18; ,40, ").turntable
+    assert known.rounds == (Turntable(None, 5, 20, 18), Turntable(None, 40, None))
+    assert not known.complete
+    assert parse_turntable(known.text) == known
+
+
+@pytest.mark.parametrize("cell", [",5,20;", ",5,20;,40", ",5,20,x;,40,20", ",5,20,18.5;,40,20"])
+def test_rounds_of_another_form(table, cell):
+    message = refusal(table, HEADER + line(turntable=cell))
+    assert "several rounds are separated by ';', as in ',5,20;,40,20'" in message
+
+
+def test_a_round_of_three_photographs_is_refused(table):
+    message = refusal(table, HEADER + line(turntable=",5,20,18;,40,20,3"))
+    assert "a round of 3 photographs is too short" in message
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ what else a person should know of the result.
 """
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
 
@@ -22,6 +22,9 @@ from silmesh.cameras.frontier import SCALE
 from silmesh.cameras.rounds import (
     Signs,
     Split,
+    describe_short,
+    divide_by_agreement,
+    divide_evenly,
     find_given,
     is_in_order,
     propose,
@@ -228,13 +231,13 @@ def calibrate(
     repeated = _find_repeated(silhouettes[shown], named)
     fewest = max(SHARE * (len(shown) + len(full)), FEWEST_AGREEING)
     if split:
-        found = _fit_split(turn, split, rounds, silhouettes, above_table, fewest, progress)
+        found = _fit_split(turn, split, rounds, silhouettes, above_table, fewest, True, progress)
     else:
         seen = _Seen(silhouettes, frames, scales, signs, fewest)
         found = _fit_any(turn, given, seen, progress)
     progress(1)
     if found.is_of_all:
-        _refuse_incoherent(found, repeated)
+        _refuse_incoherent(found, repeated, signs)
     verdict = None if found.is_of_all else found.verdict
     disagreeing = {views[i]: FULL for i in full} | _name_disagreeing(verdict, named)
     said = [*repeated, *_warn_of_disagreement(disagreeing, views)]
@@ -273,15 +276,20 @@ def _fit_split(
     silhouettes: np.ndarray,
     above_table: bool,
     fewest: float,
+    sure: bool,
     progress: Share,
-) -> _Found:
-    """Fit the rounds of a split; what is known of each comes in their order."""
+) -> _Found | None:
+    """Fit the rounds of a split; what is known of each comes in their order.
+
+    None if they are not sure and no round is coherent.
+    """
     each = [
         Given(len(views) - repeats_first(silhouettes[views]), one.step, one.elevation, above_table)
         for views, one in zip(split.rounds, known, strict=True)
     ]
     given = replace(each[0], later=tuple(each[1:]))
-    return _Found(*fit_rounds(turn.in_rounds(split.rounds), given, fewest, progress), given, split)
+    found = fit_rounds(turn.in_rounds(split.rounds), given, fewest, sure, progress)
+    return _Found(*found, given, split) if found else None
 
 
 @dataclass(frozen=True)
@@ -301,51 +309,83 @@ class _Seen:
 
 
 def _fit_any(turn: Turntable, given: Given, seen: _Seen, progress: Share) -> _Found:
-    """Fit one round and, where it does not explain all views, what else they may be."""
-    tried: list[_Found] = []
-    cropped = see_crops(*seen.of(turn.index))
+    """Fit one round and, where it does not explain all views, crops or rounds that they may be.
 
-    def otherwise() -> tuple[TurntableFit, Consensus | None] | None:
-        for found in _try_others(turn, given, seen, bool(cropped)):
-            tried.append(found)
-            if _is_clear(found, turn):
+    What is told clearly is tried before views of one round are told to be wrong; other rounds, and
+    then crops, where one round does not explain most views.
+    """
+    others = _Others(turn, given, seen)
+    one = _Found(*fit_most(turn, given, seen.fewest, progress, others.try_clear), given)
+    if one.explained == 0:
+        others.try_unclear(one.verdict)
+    best = max(others.tried, key=lambda found: found.explained, default=one)
+    return best if best.explained > one.explained or best.fit is one.fit else one
+
+
+class _Others:
+    """Crops, several rounds, and a turn whose first view comes again, in place of one round."""
+
+    def __init__(self, turn: Turntable, given: Given, seen: _Seen):
+        self.turn, self.given, self.seen = turn, given, seen
+        self.silhouettes, self.signs, self.fewest = seen.silhouettes, seen.signs, seen.fewest
+        self.tried: list[_Found] = []
+        self.cropped = bool(see_crops(*seen.of(turn.index)))
+
+    def try_clear(self) -> tuple[TurntableFit, Consensus | None] | None:
+        """A fit that explains most views, if there is one, of what is told clearly."""
+        if self.given.step is None and repeats_first(self.silhouettes):
+            full = replace(self.given, count=self.given.count - 1)
+            found = _Found(solve(self.turn, search(self.turn, full), full), None, full)
+            self.tried.append(found)
+            if self._is_good(found):
                 return found.fit, found.verdict
+        if self.cropped and (found := self._try_crops()):
+            return found.fit, found.verdict
+        told = propose(self.silhouettes, self.signs())
+        return self._try([split for split in told if split.clear][:SPLITS])
+
+    def try_unclear(self, verdict: Consensus | None) -> None:
+        """Fit rounds and crops that no sign tells, until a fit explains most views.
+
+        Args:
+            verdict: which views agree on one round
+        """
+        splits = divide_evenly(self.silhouettes)
+        if verdict is not None:
+            agrees = np.zeros(len(self.silhouettes), bool)
+            agrees[self.turn.index] = verdict.agrees
+            splits = [*divide_by_agreement(agrees), *splits]
+        if not self._try(splits) and not self.cropped:
+            self._try_crops()
+
+    def _try_crops(self) -> _Found | None:
+        found = _fit_cropped(self.turn, self.given, self.seen)
+        if found is None or not self._is_good(found):
+            return None
+        self.tried.append(found)
+        return found
+
+    def _try(self, splits: Sequence[Split]) -> tuple[TurntableFit, Consensus | None] | None:
+        for split in splits:
+            if not all(is_in_order(self.silhouettes[views]) for views in split.rounds):
+                continue
+            same = [Known(None, None, self.given.step) for _ in split.rounds]
+            above, fewest = self.given.above_table, self.fewest
+            found = _fit_split(
+                self.turn, split, same, self.silhouettes, above, fewest, False, untold
+            )
+            if found and _moves(found.fit):
+                self.tried.append(found)
+                if self._is_good(found):
+                    return found.fit, found.verdict
         return None
 
-    one = _Found(*fit_most(turn, given, seen.fewest, progress, otherwise), given)
-    best = max(tried, key=lambda found: found.explained, default=one)
-    best = best if best.explained > one.explained or best.fit is one.fit else one
-    if not cropped and best.explained < seen.fewest:
-        crops = _try_crops(turn, given, seen)
-        return crops if crops and _is_clear(crops, turn) else best
-    return best
+    def _is_good(self, found: _Found) -> bool:
+        coherent = found.fit.rms <= SUSPECT * self.turn.size / 256
+        return coherent and found.explained >= CLEARLY * len(self.turn.index)
 
 
-def _is_clear(found: _Found, turn: Turntable) -> bool:
-    """Whether a fit explains most views so well that nothing else is tried."""
-    small = found.fit.rms <= SUSPECT * turn.size / 256
-    return small and found.explained >= CLEARLY * len(turn.index)
-
-
-def _try_others(turn: Turntable, given: Given, seen: _Seen, cropped: bool) -> Iterator[_Found]:
-    """Fits of other models that the photographs show, each made when it is asked for."""
-    silhouettes = seen.silhouettes
-    if given.step is None and repeats_first(silhouettes):
-        full = replace(given, count=given.count - 1)
-        yield _Found(solve(turn, search(turn, full), full), None, full)
-    if cropped and (crops := _try_crops(turn, given, seen)):
-        yield crops
-    for split in propose(silhouettes, seen.signs())[:SPLITS]:
-        if all(is_in_order(silhouettes[views]) for views in split.rounds):
-            same = [Known(None, None, given.step) for _ in split.rounds]
-            found = _fit_split(
-                turn, split, same, silhouettes, given.above_table, seen.fewest, untold
-            )
-            if _moves(found.fit):
-                yield found
-
-
-def _try_crops(turn: Turntable, given: Given, seen: _Seen) -> _Found | None:
+def _fit_cropped(turn: Turntable, given: Given, seen: _Seen) -> _Found | None:
     """The turntable of views that were cropped one by one, unless the crops come to nothing."""
     silhouettes, frames, scales = seen.of(turn.index)
     tight = are_tight(silhouettes, frames)
@@ -490,12 +530,16 @@ def _warn_of_disagreement(disagreeing: dict[str, str], views: Sequence[str]) -> 
     ]
 
 
-def _refuse_incoherent(found: _Found, said: Sequence[str]) -> None:
+def _refuse_incoherent(
+    found: _Found, said: Sequence[str], signs: Callable[[], Signs | None]
+) -> None:
     """Refuse a fit of all views whose residuals are too large."""
     fit, verdict = found.fit, found.verdict
     allowed = REFUSED * fit.turn.size / 256
     if fit.rms <= allowed:
         return
+    told = signs()
+    said = [*said, *_say_tried(found), *(describe_short(told) if told else [])]
     most = ""
     if verdict:
         most = (
@@ -506,6 +550,14 @@ def _refuse_incoherent(found: _Found, said: Sequence[str]) -> None:
         f"outlines miss each other by {fit.rms:.2g} pixels (root mean square; at most "
         f"{allowed:.2g} is accepted){most}" + "".join(f"; {s}" for s in said) + CHECK_SERIES
     )
+
+
+def _say_tried(found: _Found) -> list[str]:
+    """Into which rounds the photographs were divided, if they were."""
+    if found.split is None:
+        return []
+    sizes = " and ".join(str(len(views)) for views in found.split.rounds)
+    return [f"they were taken to be rounds of {sizes}, told {found.split.because}"]
 
 
 def _report(
@@ -637,7 +689,7 @@ def _say_rounds(rounds: Sequence[Round], because: str) -> list[str]:
         f"{one.estimates['elevation'].value:.1f} degrees)"
         for one in rounds
     )
-    return [f"the photographs are taken to be {len(rounds)} rounds, told by {because}: {said}"]
+    return [f"the photographs are taken to be {len(rounds)} rounds, told {because}: {said}"]
 
 
 def _describe_crops(fit: CropFit, sd: np.ndarray, views: Sequence[str]) -> dict[str, Crop]:

@@ -6,7 +6,7 @@ Nothing here knows of cameras: what is proposed is tried where cameras are found
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import pairwise
 from pathlib import Path
@@ -19,6 +19,7 @@ from silmesh.cameras.series import (
     Series,
     alternates,
     find_rounds,
+    is_closed,
     is_shuffled,
     prepare,
 )
@@ -30,11 +31,16 @@ MOST = 6  # rounds that are looked for
 # Numbers in names, and pauses, tell rounds apart if they are PAUSE times every other one; pauses
 # have MINUTE seconds at least.
 PAUSE, MINUTE = 5.0, 60.0
-SILHOUETTES = "their silhouettes"
+EVENLY = "in parts of equal numbers of views"
+SILHOUETTES = "by their silhouettes"
 EXIF, TAKEN = 0x8769, 36867  # the directory of EXIF in which the time stands
-# Two parts of a series differ in height if their means do by so many deviations of the parts.
-RISEN = 1.5
-PLACES = 3  # at most, at which a series is divided because of what rises there
+# Scores from which a series may be divided where it rises, and from which it clearly is (those of
+# one round reach 6); a difference of two views counts MOST_JUMP times at most.
+RISEN, CLEARLY_RISEN, MOST_JUMP = 4.0, 8.0, 8.0
+SAME_HEIGHT = 0.004  # differences of heights, in sizes of the object, that say nothing
+AGREEING = 0.6  # by so much the share of views that agree is larger in a round than outside
+FULL_TURN = 8  # views of a full turn at least, if it is found in a part of the photographs
+PLACES = 2  # at most beside the best, at which a series is divided in two
 # The last view repeats the first if it differs from it by at most this share of what neighbours do.
 REPEATED = 0.35
 
@@ -62,11 +68,13 @@ class Split:
         rounds: the positions of the photographs of each, in the order of its turn
         because: what tells them apart, in words
         by_silhouettes: whether only the silhouettes do
+        clear: whether it is told clearly, so that one round alone hardly shows the same
     """
 
     rounds: tuple[np.ndarray, ...]
     because: str
     by_silhouettes: bool = False
+    clear: bool = True
 
 
 def read_signs(views: Sequence[View]) -> Signs:
@@ -88,12 +96,7 @@ def propose(silhouettes: np.ndarray, signs: Signs | None = None) -> list[Split]:
         splits into two rounds or more of at least ``LEAST`` views; none where nothing tells any
     """
     found = propose_by_signs(signs) if signs else []
-    found += propose_by_silhouettes(silhouettes)
-    kept: list[Split] = []
-    for split in found:
-        if not any(_are_same(split, other) for other in kept):
-            kept.append(split)
-    return kept
+    return _drop_same([*found, *propose_by_silhouettes(silhouettes)])
 
 
 def find_given(
@@ -147,16 +150,18 @@ def _divide(known: Sequence[Turntable], silhouettes: np.ndarray, signs: Signs | 
         for more, because in ((0, ""), (1, " and the first view again")):
             if sum(turns) + more * rounds == count:
                 turned = [views + more for views in turns]
-                return _split_counts(turned, f"by their steps: a full turn{because} each")
+                return _split_counts(turned, f"by their steps, a full turn{because} each")
     for split in proposed:
         if len(split.rounds) == rounds:
             return split
     if not proposed and count % rounds == 0 and count // rounds >= LEAST:
-        return _split_counts([count // rounds] * rounds, "in parts of equal numbers of views")
-    told = " or ".join(f"{_list(map(len, s.rounds))} by {s.because}" for s in proposed[:2])
+        return _split_counts([count // rounds] * rounds, EVENLY)
+    told = " or ".join(f"{_list(map(len, s.rounds))} {s.because}" for s in proposed[:2])
+    short = describe_short(signs) if signs else []
     raise InputError(
         f"cameras 'calibrate': turntable names {rounds} rounds, but the {count} photographs "
         + (f"fall in rounds of {told}" if told else "do not tell where each begins")
+        + "".join(f"; {sentence}" for sentence in short)
         + "; name as many rounds as there are, each perhaps with its number of photographs, as in "
         "',5,20,18;,40,20,18'"
     )
@@ -173,16 +178,34 @@ def _split_counts(counts: Sequence[int], because: str) -> Split:
 
 def propose_by_signs(signs: Signs) -> list[Split]:
     """What names, numbers, sizes and times tell of the rounds, in this order."""
+    told = [(because, parts) for because, parts in _read_parts(signs) if _are_rounds(parts)]
+    return _drop_same([_split(parts, because) for because, parts in told])
+
+
+def describe_short(signs: Signs) -> list[str]:
+    """A sentence that names a part of the photographs that is too short for a round, if one is."""
+    for because, parts in _read_parts(signs):
+        fewest = min(parts, key=len)
+        if 1 < len(parts) <= MOST and len(fewest) < LEAST <= max(map(len, parts)):
+            first, last = signs.files[fewest[0]].name, signs.files[fewest[-1]].name
+            return [
+                f"{because} the photographs fall in rounds of {_list(map(len, parts))}; one of "
+                f"{len(fewest)} ({first!r} to {last!r}) is too short, each takes at least {LEAST}"
+            ]
+    return []
+
+
+def _read_parts(signs: Signs) -> list[tuple[str, list[range]]]:
+    """The parts that each sign tells, and the sign."""
     names = [(str(file.parent), _strip_number(file.stem)[0]) for file in signs.files]
     numbers = [_strip_number(file.stem)[1] for file in signs.files]
-    told: list[tuple[str, list[range]]] = [
-        ("their folders", split_runs([folder for folder, _ in names])),
-        ("their names", split_runs(names)),
-        ("gaps in the numbers of their names", split_numbers(numbers)),
-        ("their sizes", split_runs(signs.sizes)),
-        ("long pauses between them", split_times(signs.times)),
+    return [
+        ("by their folders", split_runs([folder for folder, _ in names])),
+        ("by their names", split_runs(names)),
+        ("by gaps in the numbers of their names", split_numbers(numbers)),
+        ("by their sizes", split_runs(signs.sizes)),
+        ("by long pauses between them", split_times(signs.times)),
     ]
-    return [_split(parts, because) for because, parts in told if _are_rounds(parts)]
 
 
 def propose_by_silhouettes(silhouettes: np.ndarray) -> list[Split]:
@@ -193,16 +216,53 @@ def propose_by_silhouettes(silhouettes: np.ndarray) -> list[Split]:
     series = prepare(silhouettes[shown])
     whole = len(silhouettes)
     closed = find_rounds(series)
-    places = [[int(shown[part.start]) for part in closed[1:]]] if len(closed) > 1 else []
-    places += [[int(shown[k])] for k in find_rises(series)]
-    found = [
-        Split(tuple(np.arange(*ends) for ends in pairwise([0, *edges, whole])), SILHOUETTES, True)
-        for edges in places
-    ]
+    told = [([part.start for part in closed[1:]], True)] if len(closed) > 1 else []
+    told += [(edges, score >= CLEARLY_RISEN) for score, edges in find_rises(series)]
+    found = []
     if alternates(series):
         every_other = (np.arange(0, whole, 2), np.arange(1, whole, 2))
-        found.insert(0, Split(every_other, f"{SILHOUETTES}, every other one of one round", True))
+        found.append(Split(every_other, f"{SILHOUETTES}, every other one of one round", True))
+    for edges, clear in told:
+        parts = pairwise([0, *shown[edges].tolist(), whole])
+        found.append(Split(tuple(np.arange(*ends) for ends in parts), SILHOUETTES, True, clear))
     return found
+
+
+def divide_evenly(silhouettes: np.ndarray) -> list[Split]:
+    """Two or three full turns of equal numbers of views, where nothing tells their heights."""
+    count = len(silhouettes)
+    if not silhouettes.any(axis=(1, 2)).all():
+        return []
+    series = prepare(silhouettes)
+    even = [
+        [range(k * count // rounds, (k + 1) * count // rounds) for k in range(rounds)]
+        for rounds in (2, 3)
+        if count % rounds == 0 and count // rounds >= FULL_TURN
+    ]
+    turns = [parts for parts in even if all(is_closed(series, part) for part in parts)]
+    return [replace(_split(parts, EVENLY), by_silhouettes=True, clear=False) for parts in turns]
+
+
+def divide_by_agreement(agrees: np.ndarray) -> list[Split]:
+    """The rounds of which one is a run of views that agree on a turn, [views] bool, and most of it.
+
+    Or every other view, if those and no others agree.
+    """
+    count = len(agrees)
+    every_other = np.arange(0, count, 2), np.arange(1, count, 2)
+    if abs(agrees[every_other[0]].mean() - agrees[every_other[1]].mean()) >= AGREEING:
+        return [Split(every_other, "by which agree, every other one", True, False)]
+    gains = np.concatenate([[0], np.where(agrees, 1, -1).cumsum()])
+    low, high = max(
+        ((a, b) for a in range(count) for b in range(a + FULL_TURN, count + 1)),
+        key=lambda ends: gains[ends[1]] - gains[ends[0]],
+        default=(0, count),
+    )
+    outside = np.r_[agrees[:low], agrees[high:]]
+    parts = [range(*ends) for ends in pairwise(sorted({0, low, high, count}))]
+    if not _are_rounds(parts) or agrees[low:high].mean() < AGREEING + outside.mean():
+        return []
+    return [Split(tuple(map(np.array, parts)), "by which views agree", True, False)]
 
 
 def split_runs(keys: Sequence[object]) -> list[range]:
@@ -231,20 +291,61 @@ def split_times(times: Sequence[datetime | None]) -> list[range]:
     return parts if min(map(len, parts)) >= LEAST else [range(len(times))]
 
 
-def find_rises(series: Series) -> list[int]:
-    """The views at which a series is best divided into two of different heights, best first.
+def find_rises(series: Series) -> list[tuple[float, list[int]]]:
+    """Views at which a series is best divided into parts of different heights, and a score of each.
 
     Turning changes how wide a silhouette is; raising the camera changes how tall it is, where its
-    middle lies and how large it is, of all views that follow.
+    middle lies and how large it is, at once and in all views that follow. A place is scored by how
+    much the means on both sides differ, in deviations within them, times how much the two views
+    there do, in usual differences of neighbours.
     """
-    scores = np.zeros(len(series))
-    for k in range(LEAST, len(series) - LEAST + 1):
-        first, second = series.upright[:k], series.upright[k:]
-        within = np.sqrt((first.var(axis=0) * k + second.var(axis=0) * len(second)) / len(series))
-        rise = np.abs(first.mean(axis=0) - second.mean(axis=0))
-        scores[k] = (np.where(rise > ALIKE / 2, rise, 0) / np.maximum(within, 1e-9)).max()
-    best = [k for k in np.argsort(-scores, kind="stable") if scores[k] >= RISEN]
-    return [int(k) for k in best[:PLACES]]
+    whole = _rank_rises(series.upright, 0, len(series))
+    places = [(score, place) for score, place in whole if score >= RISEN]
+    if not places:
+        return []
+    score, best = places[0]
+    by_rises = _divide_again(series.upright, [0, best, len(series)])
+    by_turns = _find_turns(series, [0, best, len(series)])
+    several = [(score, edges) for edges in (by_rises, by_turns) if len(edges) > 1]
+    apart = [(less, [place]) for less, place in places if abs(place - best) > LEAST][:PLACES]
+    return [*several, (score, [best]), *apart]
+
+
+def _find_turns(series: Series, edges: Sequence[int]) -> list[int]:
+    """The places at which a series is divided, with those at which a part's full turns end."""
+    found = set(edges[1:-1])
+    for low, high in pairwise(edges):
+        turns = find_rounds(series.part(low, high))
+        if min(map(len, turns)) >= FULL_TURN:
+            found |= {low + part.start for part in turns[1:]}
+    return sorted(found)
+
+
+def _divide_again(upright: np.ndarray, edges: list[int]) -> list[int]:
+    """The places at which a series is divided, with those at which its parts clearly are."""
+    for low, high in pairwise(edges):
+        ranked = _rank_rises(upright, low, high)
+        if ranked and ranked[0][0] >= CLEARLY_RISEN and len(edges) <= MOST:
+            return _divide_again(upright, sorted([*edges, ranked[0][1]]))
+    return edges[1:-1]
+
+
+def _rank_rises(upright: np.ndarray, low: int, high: int) -> list[tuple[float, int]]:
+    """Scores of the places at which a part may be divided, the best first."""
+    part, count = upright[low:high], high - low
+    if count < 2 * LEAST:
+        return []
+    jumps = np.abs(np.diff(part, axis=0))
+    usual = np.quantile(jumps, 0.75, axis=0) + SAME_HEIGHT
+    ranked = []
+    for k in range(LEAST, count - LEAST + 1):
+        first, second = part[:k], part[k:]
+        within = np.sqrt((first.var(axis=0) * k + second.var(axis=0) * (count - k)) / count)
+        apart = np.abs(first.mean(axis=0) - second.mean(axis=0)) / (within + SAME_HEIGHT)
+        balance = 2 * np.sqrt(k * (count - k)) / count
+        scores = apart * balance * np.minimum(jumps[k - 1] / usual, MOST_JUMP)
+        ranked.append((float(scores.max()), low + k))
+    return sorted(ranked, reverse=True)
 
 
 def repeats_first(silhouettes: np.ndarray) -> bool:
@@ -294,6 +395,15 @@ def _are_rounds(parts: Sequence[range]) -> bool:
 
 def _split(parts: Sequence[range], because: str) -> Split:
     return Split(tuple(np.array(part) for part in parts), because)
+
+
+def _drop_same(splits: Sequence[Split]) -> list[Split]:
+    """Those that none before has the rounds of."""
+    kept: list[Split] = []
+    for split in splits:
+        if not any(_are_same(split, other) for other in kept):
+            kept.append(split)
+    return kept
 
 
 def _are_same(one: Split, other: Split) -> bool:

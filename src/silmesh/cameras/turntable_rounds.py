@@ -56,7 +56,7 @@ class _Alone:
 
     Attributes:
         turn: its silhouettes
-        starts: its parameters in the order of ``NAMES``, the best first
+        starts: its parameters, those of ``NAMES`` first; the best before the others
         believed: positions within its views of those that agree with each other
     """
 
@@ -64,21 +64,32 @@ class _Alone:
     starts: list[np.ndarray]
     believed: np.ndarray
 
+    @property
+    def is_coherent(self) -> bool:
+        """Whether all its views may agree."""
+        thin = self.turn.thin()
+        allowed = HOPELESS * SUSPECT * self.turn.size / 256
+        return thin.cost(thin.widen(self.starts[0])) <= allowed
+
 
 def fit_rounds(
-    turn: Turntable, given: Given, fewest: float, progress: Share = untold
-) -> tuple[TurntableFit, Consensus | None]:
+    turn: Turntable, given: Given, fewest: float, sure: bool, progress: Share = untold
+) -> tuple[TurntableFit, Consensus | None] | None:
     """Fit several rounds or, if some views contradict the others, those that agree.
 
     Args:
         turn: with its rounds
         given: what is known of the first and of the ``later`` ones
         fewest: views that have to agree
+        sure: whether these are the rounds; if not, one of them has to be coherent by itself
     Returns:
-        the fit, and how far the views agree if that had to be asked
+        the fit, and how far the views agree if that had to be asked; None if no round is coherent
+        and they are not sure
     """
     suspect, allowed = (limit * turn.size / 256 for limit in (SUSPECT, REFUSED_AGREEING))
-    alone = _find_alone(turn, given, within(progress, 0, ALONE))
+    alone = _find_alone(turn, given, sure, within(progress, 0, ALONE))
+    if not alone:
+        return None
     believed = np.sort(np.concatenate([_views_of(turn, a, i) for i, a in enumerate(alone)]))
     starts = _join(turn.select(believed), alone, given, within(progress, ALONE, JOINED))
     fit = solve(turn.select(believed), starts, given, within(progress, JOINED, 1))
@@ -105,40 +116,47 @@ def _fit_agreeing(
     return (apart, strict) if strict.agrees.sum() >= fewest else None
 
 
-def _find_alone(turn: Turntable, given: Given, progress: Share) -> list[_Alone]:
+def _find_alone(turn: Turntable, given: Given, sure: bool, progress: Share) -> list[_Alone]:
+    """Each round by itself; none if they are not sure and none is coherent."""
     found = []
     for number, known in enumerate((given, *given.later)):
-        part = turn.round_alone(number)
+        part, known = turn.round_alone(number), replace(known, later=())
         share = within(progress, number / len(turn.rounds), (number + 1) / len(turn.rounds))
-        found.append(_find_round(part, replace(known, later=()), share))
-    return found
+        found.append((_Alone(part, search(part, known, share), np.arange(len(part.index))), known))
+    if not sure and not any(alone.is_coherent for alone, _ in found):
+        return []
+    believed = [
+        (alone if alone.is_coherent else _find_believed(alone, known), known)
+        for alone, known in found
+    ]
+    return [alone if known.step else _free_steps(alone) for alone, known in believed]
 
 
-def _find_round(turn: Turntable, given: Given, progress: Share) -> _Alone:
-    """A round's geometry from its own silhouettes, of those that agree if some do not."""
-    suspect, allowed = (limit * turn.size / 256 for limit in (SUSPECT, REFUSED_AGREEING))
-    starts, believed = search(turn, given, progress), np.arange(len(turn.index))
-    cost = turn.thin().cost(turn.thin().widen(starts[0]))
-    if cost > HOPELESS * suspect and len(believed) >= FEWEST_AGREEING:
-        free = free_parameters(turn, given.known)
-        verdict = find_consensus(
-            turn,
-            lambda sample: search(sample, given)[0][: sample.shared],
-            free,
-            allowed,
-            np.random.default_rng(0),
-        )
-        if verdict.agrees.sum() >= FEWEST_AGREEING:
-            believed = np.flatnonzero(verdict.agrees)
-            starts = [verdict.x, *search(turn.select(believed), given)]
-    if given.step is None:
-        starts = [_free_step(turn.select(believed), x) for x in starts]
-    return _Alone(turn, [x[: turn.shared] for x in starts], believed)
+def _find_believed(alone: _Alone, given: Given) -> _Alone:
+    """A round of which some silhouettes may be wrong, by the views that agree, if enough do."""
+    turn = alone.turn
+    if len(turn.index) < FEWEST_AGREEING:
+        return alone
+    verdict = find_consensus(
+        turn,
+        lambda sample: search(sample, given)[0][: sample.shared],
+        free_parameters(turn, given.known),
+        REFUSED_AGREEING * turn.size / 256,
+        np.random.default_rng(0),
+    )
+    if verdict.agrees.sum() < FEWEST_AGREEING:
+        return alone
+    believed = np.flatnonzero(verdict.agrees)
+    return _Alone(turn, [verdict.x, *search(turn.select(believed), given)], believed)
 
 
-def _free_step(turn: Turntable, x: np.ndarray) -> np.ndarray:
-    thin = turn.thin()
-    return thin.fit(thin.widen(x), np.arange(len(NAMES)), FREED_STEPS).x
+def _free_steps(alone: _Alone) -> _Alone:
+    """A round whose step is not known, its starts fitted with the step."""
+    turn = alone.turn.select(alone.believed).thin()
+    free = np.arange(len(NAMES))
+    return replace(
+        alone, starts=[turn.fit(turn.widen(x), free, FREED_STEPS).x for x in alone.starts]
+    )
 
 
 def _views_of(turn: Turntable, alone: _Alone, number: int) -> np.ndarray:
@@ -151,7 +169,7 @@ def _join(
     turn: Turntable, alone: Sequence[_Alone], given: Given, progress: Share
 ) -> list[np.ndarray]:
     """Lay each round on the ones before it: parameters of all rounds, the best first."""
-    starts = alone[0].starts
+    starts = [x[: len(NAMES)] for x in alone[0].starts]
     known = (given, *given.later)
     for number in range(1, len(alone)):
         part = turn.in_rounds(turn.rounds[: number + 1])

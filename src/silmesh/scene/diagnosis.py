@@ -168,7 +168,8 @@ def _describe_order(silhouettes: np.ndarray, views: Sequence[View]) -> list[str]
     if alternates(series):
         return [
             "every other photograph is more alike than neighbours are: they seem to be two "
-            "rounds that were taken together; 'calibrate' takes one: give every other one"
+            "rounds that were taken together: name the photographs of one round before those "
+            "of the other"
         ]
     if is_shuffled(series):
         return [
@@ -183,7 +184,8 @@ def _say_rounds(rounds: Sequence[range], views: Sequence[View], why: str = "") -
     said = ", ".join(f"{views[r[0]].view} to {views[r[-1]].view} ({len(r)})" for r in rounds)
     return (
         f"the photographs fall in {len(rounds)} rounds{', ' * bool(why)}{why}: {said}; "
-        "'calibrate' takes one round: give the photographs of one alone. Several are taken with "
+        "if one axis does not explain all, give the photographs of one alone, or what is known of "
+        "each: turntable ',5,20;,40,20'. Other rounds are taken with "
         "known cameras, or by 'colmap' where the object has texture or stands on something "
         "patterned that turns with it"
     )
@@ -209,7 +211,7 @@ def _describe_gaps(series: Series, views: Sequence[View]) -> list[str]:
     return [
         f"between {views[i - 1].view} and {views[i].view} the silhouettes change "
         f"{steps[i - 1] / np.median(steps):.0f} times as much as elsewhere: photographs are "
-        "missing there, or a second series begins; 'calibrate' takes one series of even steps"
+        "missing there, or a second series begins; each round should have even steps"
         for i in find_gaps(series)[:GAPS]
     ]
 
