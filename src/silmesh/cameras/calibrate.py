@@ -360,7 +360,8 @@ class _Others:
 
     def _try_crops(self) -> _Found | None:
         found = _fit_cropped(self.turn, self.given, self.seen)
-        if found is None or not self._is_good(found):
+        enough = found is not None and found.explained >= CLEARLY * len(self.turn.index)
+        if not enough or not (self.cropped or self._is_good(found)):
             return None
         self.tried.append(found)
         return found

@@ -113,7 +113,7 @@ class Frontier:
         return replace(self, K=np.broadcast_to(K, R.shape), R=R, lines=lines)
 
     def touch(self, crops: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Both outermost planes' slopes by the first view of each pair and by the second, pixels.
+        """Both outermost planes' slopes by the first view of each pair and by the second.
 
         Args:
             crops: [views, 3]
@@ -123,10 +123,13 @@ class Frontier:
         points = uncrop(self.hulls, to_maps(crops, self.ratios))
         whole = np.concatenate([points, np.ones_like(points[..., :1])], axis=2)
         rays = whole @ np.linalg.inv(self.K).swapaxes(1, 2) @ self.R  # in the world
-        focal = self.K[:, 0, 0] * np.exp(crops[:, SCALE])
-        pixels = np.sqrt(focal[self.first] * focal[self.second])[:, None]
         rays = rays.swapaxes(1, 2)
-        return tuple(self._span(rays[v]) * pixels for v in (self.first, self.second))
+        return tuple(self._span(rays[v]) for v in (self.first, self.second))
+
+    def _pixels(self, crops: np.ndarray) -> np.ndarray:
+        """Pixels of a slope of 1, between those of both views: [pairs, 1]."""
+        focal = self.K[:, 0, 0] * np.exp(crops[:, SCALE])
+        return np.sqrt(focal[self.first] * focal[self.second])[:, None]
 
     def _span(self, rays: np.ndarray) -> np.ndarray:
         depth, height = np.moveaxis(self.lines @ rays, 1, 0)
@@ -136,17 +139,20 @@ class Frontier:
     def residuals(self, crops: np.ndarray) -> np.ndarray:
         """By how much two views contradict each other: [pairs, 2] pixels."""
         first, second = self.touch(crops)
-        return first - second
+        return (first - second) * self._pixels(crops)
 
     def slopes(self, crops: np.ndarray) -> np.ndarray:
         """Derivatives of the residuals: [pairs, 2, views, 3]."""
         slopes = np.zeros((len(self.first), 2, len(crops), 3))
-        pairs = np.arange(len(self.first))
+        pairs, pixels = np.arange(len(self.first)), self._pixels(crops)
         for i, nudge in enumerate(NUDGE):
             up, down = (self.touch(crops + d * np.eye(3)[i]) for d in (nudge, -nudge))
-            change = [(u - d) / (2 * nudge) for u, d in zip(up, down, strict=True)]
+            change = [(u - d) / (2 * nudge) * pixels for u, d in zip(up, down, strict=True)]
             slopes[pairs, :, self.first, i] += change[0]
             slopes[pairs, :, self.second, i] -= change[1]
+        half = self.residuals(crops) / 2  # since the pixels grow with the scales of both views
+        slopes[pairs, :, self.first, SCALE] += half
+        slopes[pairs, :, self.second, SCALE] += half
         return slopes
 
 
