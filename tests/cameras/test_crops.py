@@ -144,7 +144,7 @@ def test_cameras_of_a_file_are_mended_where_photographs_were_cropped_since(bear)
     assert "cropped since" in settled.warnings[-1]
     assert len(settled.figures["crops"]) == 14
     ratio = np.array([crop["scale"] for crop in settled.figures["crops"].values()]) / scale
-    assert np.ptp(ratio) / ratio.mean() < 0.03
+    assert np.ptp(ratio) / ratio.mean() < 0.05
 
 
 def test_cameras_that_agree_are_left_alone(bear):

@@ -147,7 +147,7 @@ class Calibration:
         estimates: ``elevation`` of the camera above the table; ``roll`` of the axis in the image,
             clockwise; ``axis``, its column at the row ``row``; ``half_angle`` of view over half of
             the image's side; ``step`` from view to view, negative where the turning is opposite
-            to ``turntable_cameras``
+            to ``turntable_cameras``; no ``axis`` where the views were cropped
         row: the middle of the silhouettes, in pixels
         direction_certain: whether the other direction fits clearly worse
         mirror: what tells the object from its mirror image: ``perspective``, ``table`` (the camera
@@ -581,6 +581,8 @@ def _report(
     else:
         sd = _find_deviations(turn, best, misses, given.known, free, alike)
     estimates = _estimate(best.x, sd, given.known)
+    if crops:  # the camera before the crops looks at the axis
+        del estimates["axis"]
     rounds = _describe_rounds(turn, best.x, sd, given.known, views)
     view_rms = np.zeros(count)
     view_rms[list(pixels)] = list(pixels.values())

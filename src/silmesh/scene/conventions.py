@@ -29,7 +29,7 @@ from silmesh.cameras.crops_of_given import find_crops
 from silmesh.errors import InputError
 from silmesh.geometry.camera import OPENGL, Cameras
 from silmesh.geometry.frame import find_shown
-from silmesh.geometry.thresholds import COHERENT, REFUSED
+from silmesh.geometry.thresholds import COHERENT, CONVINCING, REFUSED
 from silmesh.geometry.undistortion import undistort
 from silmesh.scene.agreement import FEWEST, NEAR, Normalised, normalise
 from silmesh.scene.scene import find_middles, find_object
@@ -118,6 +118,8 @@ def settle(
     normalised, why = _try_to_normalise(faced, silhouettes, frames)
     mean = normalised.mean if normalised else 0.0
     if mean >= COHERENT and faced is attempt:
+        if mean < CONVINCING and (settled := _crop(faced, silhouettes, frames, mean)):
+            return settled
         return _tell_taken(faced, mean), normalised
     found, agreed, own = _find_fitting(attempt, faced, silhouettes, mean >= COHERENT, frames)
     better = agreed >= max(FITS, own + (NEAR if mean >= COHERENT else GAIN))
