@@ -91,10 +91,10 @@ def test_margins_show_crops():
         silhouettes[i, 4:36, 10 - i : 30 + i] = True
     frames = np.tile([0, 0, 40, 40], (5, 1))
     assert find_margins(silhouettes, frames)[1].tolist() == [9, 4, 9, 4]
-    assert "middle" in see_crops(silhouettes, None, None)
+    assert "middle" in see_crops(silhouettes)
     assert not are_tight(silhouettes, None)
     silhouettes[:3] = np.roll(silhouettes[:3], 5, axis=2)
-    assert see_crops(silhouettes, None, None) == ""
+    assert see_crops(silhouettes) == ""
     frames = np.array([[0, i, 40, 40 - i] for i in range(5)])
     assert "5 different sizes" in see_crops(silhouettes, frames, np.ones((5, 2)))
 

@@ -115,7 +115,6 @@ class CropFit:
         turn, own = part.at(self.x)
         misses = part.misses(self.x)
         slopes = part.slopes(self.x, misses)
-        slopes[..., : turn.shared] = turn.secants(own)
         slopes[~self.agrees] = 0
         crops = cropped.own_crops(len(own))
         shared = [i for i in range(turn.shared) if i not in (*known, AXIS)]

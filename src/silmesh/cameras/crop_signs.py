@@ -11,13 +11,18 @@ CENTRED = 0.02  # of the photograph's longer side by which opposite margins may 
 SIZES = 0.2  # of the views: of more sizes than that photographs were not taken by one camera
 
 
-def see_crops(silhouettes: np.ndarray, frames: np.ndarray | None, scales: np.ndarray | None) -> str:
+def see_crops(
+    silhouettes: np.ndarray,
+    frames: np.ndarray | None = None,
+    scales: np.ndarray | None = None,
+) -> str:
     """Why views seem to have been cropped to the object one by one; "" if nothing shows it.
 
     Args:
         silhouettes: [views, height, width] bool, none empty
         frames: [views, 4] of the photographs within the images; the whole images if not given
-        scales: [views, 2] pixels of the working image for one of the photograph; 1 if not given
+        scales: [views, 2] pixels of the working image for one of the photograph; sizes tell
+            nothing if not given
     """
     frames = whole_frames(silhouettes) if frames is None else np.asarray(frames)
     sides = frames[:, 2:] - frames[:, :2]
