@@ -1,6 +1,5 @@
 """Views that were cropped one by one, found from objects whose cameras and crops are known."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +12,6 @@ from silmesh.cameras.crop_signs import are_tight, find_margins, see_crops
 from silmesh.cameras.frontier import SCALE, Frontier, trace_hulls
 from silmesh.cameras.silhouette_coherence import trace
 from silmesh.cameras.turntable import orbit_cameras
-from silmesh.geometry.camera import Cameras
 from silmesh.scene.agreement import normalise
 from silmesh.scene.conventions import settle
 from silmesh.softras import soft_silhouettes
@@ -151,6 +149,6 @@ def test_cameras_that_agree_are_left_alone(bear):
     cameras = stand(10)
     attempt = Attempt(FILE, cameras, figures={"file": "cameras.json"})
     settled, _ = settle(attempt, render(cameras, bear))
-    assert settled is attempt
-    assert isinstance(settled.cameras, Cameras)
-    assert math.isfinite(float(settled.cameras.K.sum()))
+    assert settled.cameras is cameras
+    assert not settled.warnings
+    assert "crops" not in settled.figures
