@@ -9,6 +9,8 @@ from turns import ROUND, turn
 
 from silmesh.cameras.rounds import (
     Signs,
+    Split,
+    are_full_turns,
     describe_short,
     divide_by_agreement,
     divide_evenly,
@@ -136,6 +138,12 @@ def test_full_turns_of_equal_numbers():
     seen = turn(12, 15)
     assert lengths(divide_evenly(np.concatenate([seen, seen]))[0]) == [12, 12]
     assert divide_evenly(seen) == []
+
+
+def test_full_turns_are_told_from_halves(two):
+    halves = Split((np.arange(12), np.arange(12, 24)), "")
+    assert are_full_turns(halves, two)
+    assert not are_full_turns(halves, turn(24, 15, (0.42, 0.3, 0.3)))
 
 
 def test_the_views_that_agree_are_a_round():

@@ -16,33 +16,23 @@ from scipy.optimize import OptimizeResult
 
 from silmesh.cameras.attempt import CHECK_SERIES, Attempt
 from silmesh.cameras.consensus import Consensus
-from silmesh.cameras.crop_fit import CropFit, fit_crops
-from silmesh.cameras.crop_signs import are_tight, see_crops
+from silmesh.cameras.crop_fit import CropFit
 from silmesh.cameras.frontier import SCALE
 from silmesh.cameras.rounds import (
     Signs,
-    Split,
     describe_short,
-    divide_by_agreement,
-    divide_evenly,
     find_given,
-    is_in_order,
-    propose,
     read_signs,
-    repeats_first,
 )
 from silmesh.cameras.silhouette_coherence import Misses, distance_between, trace
+from silmesh.cameras.trying_crops import Crops
+from silmesh.cameras.trying_rounds import Found, fit_any, fit_split
 from silmesh.cameras.turntable_fit import (
     FEWEST_AGREEING,
-    REFUSED_AGREEING,
     SUSPECT,
     Given,
-    TurntableFit,
-    fit_most,
     free_parameters,
     root_mean_square,
-    search,
-    solve,
 )
 from silmesh.cameras.turntable_residuals import (
     ELEVATION,
@@ -56,7 +46,6 @@ from silmesh.cameras.turntable_residuals import (
     part_of,
     place_of,
 )
-from silmesh.cameras.turntable_rounds import fit_rounds
 from silmesh.errors import NAMED, InputError, name_some
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.frame import whole_frames
@@ -84,11 +73,6 @@ REFUSED = 4.0  # pixels, as SUSPECT: root mean square residual from which a turn
 # Share of the views with a silhouette that have to agree on a turntable, beside FEWEST_AGREEING.
 SHARE = 0.55
 FULL = "it fills its photograph"
-SPLITS = 3  # ways to divide the photographs into rounds that are tried
-CLEARLY = 0.8  # of the views: if rounds explain so many, nothing else is tried
-# What has to change from round to round, in the order of ROUND, where more than the table turned:
-# degrees, pixels, the logarithm of the distance.
-MOVED = np.array([2.0, 2.0, 2.0, np.inf, 0.05, np.inf, np.inf])
 TURNED = 5.0  # degrees: phases that differ by less are the same
 
 
@@ -231,10 +215,10 @@ def calibrate(
     repeated = _find_repeated(silhouettes[shown], named)
     fewest = max(SHARE * (len(shown) + len(full)), FEWEST_AGREEING)
     if split:
-        found = _fit_split(turn, split, rounds, silhouettes, above_table, fewest, True, progress)
+        found = fit_split(turn, split, rounds, silhouettes, above_table, fewest, True, progress)
     else:
-        seen = _Seen(silhouettes, frames, scales, signs, fewest)
-        found = _fit_any(turn, given, seen, progress)
+        crops = Crops(silhouettes, frames, scales)
+        found = fit_any(turn, given, silhouettes, signs, crops, fewest, progress)
     progress(1)
     if found.is_of_all:
         _refuse_incoherent(found, repeated, signs)
@@ -245,170 +229,6 @@ def calibrate(
         said += _find_cut(turn, named)
     pixels = {} if verdict is None else dict(zip(shown, verdict.pixels, strict=True))
     return _report(found, views, pixels, disagreeing, said)
-
-
-@dataclass(frozen=True)
-class _Found:
-    """A fit, how far the views agree with it, and what it is of."""
-
-    fit: TurntableFit
-    verdict: Consensus | None
-    given: Given
-    split: Split | None = None
-    crops: CropFit | None = None
-
-    @property
-    def is_of_all(self) -> bool:
-        """Whether all views were fitted, so that none was told to disagree."""
-        return self.verdict is None or len(self.fit.turn.index) == len(self.verdict.agrees)
-
-    @property
-    def explained(self) -> int:
-        """How many views it explains."""
-        allowed = REFUSED_AGREEING * self.fit.turn.size / 256
-        return len(self.fit.turn.index) if self.fit.rms <= allowed else 0
-
-
-def _fit_split(
-    turn: Turntable,
-    split: Split,
-    known: Sequence[Known],
-    silhouettes: np.ndarray,
-    above_table: bool,
-    fewest: float,
-    sure: bool,
-    progress: Share,
-) -> _Found | None:
-    """Fit the rounds of a split; what is known of each comes in their order.
-
-    None if they are not sure and no round is coherent.
-    """
-    each = [
-        Given(len(views) - repeats_first(silhouettes[views]), one.step, one.elevation, above_table)
-        for views, one in zip(split.rounds, known, strict=True)
-    ]
-    given = replace(each[0], later=tuple(each[1:]))
-    found = fit_rounds(turn.in_rounds(split.rounds), given, fewest, sure, progress)
-    return _Found(*found, given, split) if found else None
-
-
-@dataclass(frozen=True)
-class _Seen:
-    """What is there to try other models than one round by; see ``calibrate``."""
-
-    silhouettes: np.ndarray
-    frames: np.ndarray | None
-    scales: np.ndarray | None
-    signs: Callable[[], Signs | None]
-    fewest: float
-
-    def of(self, views: np.ndarray) -> tuple[np.ndarray, np.ndarray | None, np.ndarray | None]:
-        """Silhouettes, frames and scales of some views."""
-        both = (None if part is None else part[views] for part in (self.frames, self.scales))
-        return self.silhouettes[views], *both
-
-
-def _fit_any(turn: Turntable, given: Given, seen: _Seen, progress: Share) -> _Found:
-    """Fit one round and, where it does not explain all views, crops or rounds that they may be.
-
-    What is told clearly is tried before views of one round are told to be wrong; other rounds, and
-    then crops, where one round does not explain most views.
-    """
-    others = _Others(turn, given, seen)
-    one = _Found(*fit_most(turn, given, seen.fewest, progress, others.try_clear), given)
-    if one.explained == 0:
-        others.try_unclear(one.verdict)
-    best = max(others.tried, key=lambda found: found.explained, default=one)
-    return best if best.explained > one.explained or best.fit is one.fit else one
-
-
-class _Others:
-    """Crops, several rounds, and a turn whose first view comes again, in place of one round."""
-
-    def __init__(self, turn: Turntable, given: Given, seen: _Seen):
-        self.turn, self.given, self.seen = turn, given, seen
-        self.silhouettes, self.signs, self.fewest = seen.silhouettes, seen.signs, seen.fewest
-        self.tried: list[_Found] = []
-        self.cropped = bool(see_crops(*seen.of(turn.index)))
-
-    def try_clear(self) -> tuple[TurntableFit, Consensus | None] | None:
-        """A fit that explains most views, if there is one, of what is told clearly."""
-        if self.given.step is None and repeats_first(self.silhouettes):
-            full = replace(self.given, count=self.given.count - 1)
-            found = _Found(solve(self.turn, search(self.turn, full), full), None, full)
-            self.tried.append(found)
-            if self._is_good(found):
-                return found.fit, found.verdict
-        if self.cropped and (found := self._try_crops()):
-            return found.fit, found.verdict
-        told = propose(self.silhouettes, self.signs())
-        return self._try([split for split in told if split.clear][:SPLITS])
-
-    def try_unclear(self, verdict: Consensus | None) -> None:
-        """Fit rounds and crops that no sign tells, until a fit explains most views.
-
-        Args:
-            verdict: which views agree on one round
-        """
-        splits = divide_evenly(self.silhouettes)
-        if verdict is not None:
-            agrees = np.zeros(len(self.silhouettes), bool)
-            agrees[self.turn.index] = verdict.agrees
-            splits = [*divide_by_agreement(agrees), *splits]
-        if not self._try(splits) and not self.cropped:
-            self._try_crops()
-
-    def _try_crops(self) -> _Found | None:
-        found = _fit_cropped(self.turn, self.given, self.seen)
-        enough = found is not None and found.explained >= CLEARLY * len(self.turn.index)
-        if not enough or not (self.cropped or self._is_good(found)):
-            return None
-        self.tried.append(found)
-        return found
-
-    def _try(self, splits: Sequence[Split]) -> tuple[TurntableFit, Consensus | None] | None:
-        for split in splits:
-            if not all(is_in_order(self.silhouettes[views]) for views in split.rounds):
-                continue
-            same = [Known(None, None, self.given.step) for _ in split.rounds]
-            above, fewest = self.given.above_table, self.fewest
-            found = _fit_split(
-                self.turn, split, same, self.silhouettes, above, fewest, False, untold
-            )
-            if found and _moves(found.fit):
-                self.tried.append(found)
-                if self._is_good(found):
-                    return found.fit, found.verdict
-        return None
-
-    def _is_good(self, found: _Found) -> bool:
-        coherent = found.fit.rms <= SUSPECT * self.turn.size / 256
-        return coherent and found.explained >= CLEARLY * len(self.turn.index)
-
-
-def _fit_cropped(turn: Turntable, given: Given, seen: _Seen) -> _Found | None:
-    """The turntable of views that were cropped one by one, unless the crops come to nothing."""
-    silhouettes, frames, scales = seen.of(turn.index)
-    tight = are_tight(silhouettes, frames)
-    whole = len(turn.index) if tight else (~turn.outlines.cut).sum()
-    if whole < max(FEWEST_AGREEING, SHARE * len(turn.index)):
-        return None
-    ratios = np.ones((len(turn.index), 2))
-    if scales is not None:
-        ratios = scales / [1, turn.aspect]
-        ratios = ratios / np.exp(np.log(ratios).mean())
-    fit = fit_crops(turn, ratios, given, tight)
-    if not fit.agrees.any() or not fit.changes:
-        return None
-    return _Found(*fit.as_turntable(), given, crops=fit)
-
-
-def _moves(fit: TurntableFit) -> bool:
-    """Whether the camera of any round stands elsewhere than that of the first."""
-    x, turn = fit.best.x, fit.turn
-    first = turn.parameters_of(x, 0)
-    later = [turn.parameters_of(x, number) - first for number in range(1, len(turn.rounds))]
-    return any((np.abs(own) > MOVED).any() for own in later)
 
 
 def calibrate_views(
@@ -532,7 +352,7 @@ def _warn_of_disagreement(disagreeing: dict[str, str], views: Sequence[str]) -> 
 
 
 def _refuse_incoherent(
-    found: _Found, said: Sequence[str], signs: Callable[[], Signs | None]
+    found: Found, said: Sequence[str], signs: Callable[[], Signs | None]
 ) -> None:
     """Refuse a fit of all views whose residuals are too large."""
     fit, verdict = found.fit, found.verdict
@@ -553,7 +373,7 @@ def _refuse_incoherent(
     )
 
 
-def _say_tried(found: _Found) -> list[str]:
+def _say_tried(found: Found) -> list[str]:
     """Into which rounds the photographs were divided, if they were."""
     if found.split is None:
         return []
@@ -562,7 +382,7 @@ def _say_tried(found: _Found) -> list[str]:
 
 
 def _report(
-    found: _Found,
+    found: Found,
     views: Sequence[str],
     pixels: dict[int, float],
     disagreeing: dict[str, str],

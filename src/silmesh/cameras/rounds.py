@@ -228,6 +228,13 @@ def propose_by_silhouettes(silhouettes: np.ndarray) -> list[Split]:
     return found
 
 
+def are_full_turns(split: Split, silhouettes: np.ndarray) -> bool:
+    """Whether every round of a split ends where it began."""
+    shown = silhouettes.any(axis=(1, 2))
+    series = [prepare(silhouettes[turn[shown[turn]]]) for turn in split.rounds if shown[turn].any()]
+    return all(is_closed(one, range(len(one))) for one in series)
+
+
 def divide_evenly(silhouettes: np.ndarray) -> list[Split]:
     """Two or three full turns of equal numbers of views, where nothing tells their heights."""
     count = len(silhouettes)
