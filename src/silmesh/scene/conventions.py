@@ -41,6 +41,7 @@ RESOLUTION = 48  # samples a side of the hulls by which conventions are tried
 # A convention is tried further only if the rays through the silhouettes' middles meet: most must
 # pass the common point within this share of half the diagonal of their silhouette's box.
 APART = 0.5
+SCALED = 0.05  # of a scale: differences of scales from which photographs were scaled
 MOST = 32  # number of conventions whose hulls are carved, the most usual ones first
 
 OPENCV = np.eye(3)  # a camera's own axes are ours
@@ -147,11 +148,11 @@ def _crop(
     """
     shown, views = find_shown(silhouettes), attempt.cameras.views
     seen = silhouettes[shown], None if frames is None else frames[shown]
-    why = see_crops(*seen)
-    if not (why or attempt.doubt) or any(attempt.cameras.lenses):
+    told = attempt.figures.get("cropped") or see_crops(*seen)
+    if not told or any(attempt.cameras.lenses):
         return None
     found = find_crops(attempt.cameras.select(shown), *seen)
-    if found is None:
+    if found is None or _are_same(found.scales):
         return None
     K = attempt.cameras.K.clone()
     K[shown] = found.cameras.K
@@ -180,6 +181,12 @@ def _crop(
     if attempt.doubt:
         said = f"{attempt.doubt}; {said}"
     return replace(taken, warnings=(*attempt.warnings, said)), normalised
+
+
+def _are_same(scales: np.ndarray) -> bool:
+    """Whether all photographs were scaled alike: then the file is for other pixels, not cropped."""
+    middle = float(np.median(scales))
+    return abs(middle - 1) > SCALED and np.ptp(scales) < SCALED * middle
 
 
 def _face(attempt: Attempt, silhouettes: np.ndarray) -> Attempt:

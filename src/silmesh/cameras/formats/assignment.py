@@ -77,6 +77,7 @@ def match(path: Path, cameras: Cameras, views: Sequence[View], rules: Rules) -> 
         mirrored=mirrored,
         signless=rules.signless,
         doubt=doubt,
+        figures={"cropped": True} if cropped else {},
     )
 
 
