@@ -101,7 +101,7 @@ def fit_any(
     """
     rounds = _Rounds(turn, given, silhouettes, signs, fewest)
     one = Found(*fit_most(turn, given, fewest, progress, rounds.try_clear), given)
-    if one.explained == 0:
+    if one.explained < CLEARLY * len(turn.index):
         rounds.try_others(one.verdict)
     best = max(rounds.tried, key=lambda found: found.explained, default=one)
     return best if best.explained > one.explained or best.fit is one.fit else one
