@@ -36,7 +36,7 @@ from silmesh.progress import Share, untold
 from silmesh.settings.turntable import Turntable as Known
 
 SPLITS = 3  # ways to divide the photographs into rounds that are tried
-CLEARLY = 0.8  # of the views: if rounds explain so many, nothing else is tried
+CLEARLY = 0.8  # of the views: if a fit explains so many, nothing else is tried
 # What has to change from round to round, in the order of ROUND, where more than the table turned:
 # degrees, pixels, the logarithm of the distance.
 MOVED = np.array([2.0, 2.0, 2.0, np.inf, 0.05, np.inf, np.inf])
