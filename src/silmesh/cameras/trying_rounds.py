@@ -39,7 +39,7 @@ from silmesh.progress import Share, untold
 from silmesh.settings.turntable import Turntable as Known
 
 SPLITS = 3  # ways to divide the photographs into rounds that are tried
-CLEARLY = 0.8  # of the views: if rounds explain so many, nothing else is tried
+CLEARLY = 0.8  # of the views: if a fit explains so many, nothing else is tried
 # What has to change from round to round, in the order of ROUND, where more than the table turned:
 # degrees, pixels, the logarithm of the distance.
 MOVED = np.array([2.0, 2.0, 2.0, np.inf, 0.05, np.inf, np.inf])
@@ -106,7 +106,7 @@ def fit_any(
     """
     rounds = _Rounds(turn, given, silhouettes, signs, crops, fewest)
     one = Found(*fit_most(turn, given, fewest, progress, rounds.try_clear), given)
-    if one.explained == 0:
+    if one.explained < CLEARLY * len(turn.index):
         rounds.try_others(one.verdict)
     best = max(rounds.tried, key=lambda found: found.explained, default=one)
     return best if best.explained > one.explained or best.fit is one.fit else one
