@@ -154,11 +154,35 @@ class Pose:
     middle: np.ndarray
 
 
-def make_pose(K: np.ndarray, R: np.ndarray, t: np.ndarray, points: np.ndarray) -> Pose:
-    """Prepare cameras with K [3, 3] of all, R [views, 3, 3], t [views, 3] and outline points."""
+def make_pose(
+    K: np.ndarray,
+    R: np.ndarray,
+    t: np.ndarray,
+    points: np.ndarray,
+    maps: np.ndarray | None = None,
+) -> Pose:
+    """Prepare cameras and the points of outlines.
+
+    Args:
+        K: [3, 3] of all, or one each
+        R: [views, 3, 3]
+        t: [views, 3]
+        points: [views, samples, 2] pixels
+        maps: [views, 2, 2] scale (x, y) and shift (x, y) by which each view was cropped, if any was
+    """
     P = K @ np.concatenate([R, t[:, :, None]], axis=2)
-    rays = np.concatenate([points, np.ones_like(points[..., :1])], axis=2) @ np.linalg.inv(K).T
+    if maps is not None:
+        scale, shift = maps[:, 0], maps[:, 1]
+        points = uncrop(points, maps)
+        P[:, :2] = scale[:, :, None] * P[:, :2] + shift[:, :, None] * P[:, 2:]
+    rays = np.concatenate([points, np.ones_like(points[..., :1])], axis=2)
+    rays = rays @ np.linalg.inv(K).swapaxes(-1, -2)
     return Pose(P, -np.einsum("vji,vj->vi", R, t), rays @ R, np.ascontiguousarray(t[:, 2]))
+
+
+def uncrop(points: np.ndarray, maps: np.ndarray) -> np.ndarray:
+    """Where points [views, n, 2] of cropped views lie in the images before the crop."""
+    return (points - maps[:, 1, None]) / maps[:, 0, None]
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 
 from silmesh.cameras.attempt import CHECK_SERIES, FILE, TRY_CALIBRATE, Attempt
 from silmesh.errors import InputError, blaming, name_some
-from silmesh.geometry.frame import find_shown
+from silmesh.geometry.frame import find_shown, is_cut
 from silmesh.geometry.thresholds import COHERENT
 from silmesh.geometry.undistortion import Undistorted
 from silmesh.geometry.visual_hull import find_outlier_views
@@ -89,7 +89,8 @@ def build_scene(
             for a, p in settled
         ],
     }
-    scene = Scene(best.cameras, best.similarity, undistorted, best.coherence, notes)
+    points = attempt.points if is_cut(undistorted, best.undistorted.frames).any() else None
+    scene = Scene(best.cameras, best.similarity, undistorted, best.coherence, notes, points=points)
     return Assembled(scene, best.undistorted, taken, attempt)
 
 

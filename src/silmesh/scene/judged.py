@@ -124,7 +124,9 @@ def _measure(scene: Scene, decision: Decision, keep_world: bool, frames: np.ndar
     frames = frames[decision.fitted]
     if not keep_world and (sound := _find_sound(decision)):
         own = kept.in_world_of(similarity.inverse)
-        similarity = find_similarity(own.select(sound), silhouettes[sound], frames[sound])
+        similarity = find_similarity(
+            own.select(sound), silhouettes[sound], frames[sound], scene.points
+        )
         kept = own.in_world_of(similarity)
     hull = robust_carve(silhouettes, kept, frames).hull
     return replace(

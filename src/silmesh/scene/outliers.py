@@ -5,6 +5,10 @@ although more than k other views deny it, as of a plate that passes for the obje
 what it does not show although at most k other views deny it, as of a part that was not segmented.
 A view is an outlier if a share is large beside those of the other views of the same object, since
 cameras that are a little wrong raise the shares of all views.
+
+``geometry.robust_hull`` says which views to distrust while a body is carved. It cannot take the
+place of this: it looks at views only where the strict hull fails, of fewer than six it doubts none,
+and it gives no shares, which the table has of every view and of views that were segmented again.
 """
 
 from collections.abc import Mapping, Sequence
