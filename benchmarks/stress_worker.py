@@ -33,7 +33,7 @@ def reconstruct(folder: Path, made: Path) -> dict:
     return {
         "verdict": "doubtful" if doubts else "good",
         "said": "\n".join([describe(made, metrics, doubts), *doubts]),
-        "named": name_wrong(result.scene.describe()),
+        "named": name_wrong(result.scene.describe(), metrics.get("fit", {})),
         "turntable": name_turntable(result.scene.describe()),
         "iou_given": metrics["iou_mean"],
         "hull_iou": metrics["hull_iou_mean"],
@@ -42,10 +42,10 @@ def reconstruct(folder: Path, made: Path) -> dict:
     }
 
 
-def name_wrong(told: dict) -> list[str]:
-    """The views that are doubted, left out or believed less."""
+def name_wrong(told: dict, fit: dict) -> list[str]:
+    """The views that are doubted, left out or believed less, by the scene or by the fit alone."""
     less = [view for view, weight in told.get("weights", {}).items() if weight < 1]
-    return sorted({*told["doubtful"], *told["dropped"], *less})
+    return sorted({*told["doubtful"], *told["dropped"], *less, *fit.get("distrusted", ())})
 
 
 def name_turntable(told: dict) -> dict[str, float] | None:

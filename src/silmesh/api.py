@@ -31,6 +31,7 @@ from PIL import Image
 
 from silmesh.cameras.attempt import FILE, WORLD_TO_CAMERA, Attempt
 from silmesh.cameras.locate import locate
+from silmesh.cameras.sets import find_sets
 from silmesh.errors import InputError, name_some
 from silmesh.evaluation import metrics
 from silmesh.fitting.fit import Fitted
@@ -161,6 +162,7 @@ def reconstruct(
     *,
     silhouettes: str | None = None,
     turntable: str = "",
+    sets: str = "",
     size: int = 256,
     init: str = HULL,
     preset: str = "fast",
@@ -181,6 +183,9 @@ def reconstruct(
             your own as ``path/to/file.py:function`` (``docs/extending.md``); chosen likewise
         turntable: what is known of it, ``distance,elevation,step`` in scene units and degrees; of
             several rounds each, separated by ``;``
+        sets: of photographs between which the object was turned over, as globs of view names or as
+            folders, ``upright_*;turned_*``; found, where one turntable explains not all, if not
+            given
         size: side of the working images, in pixels
         init: shape of the initial mesh, or a function of your own
         preset: of the fit, ``fast`` or ``softras``, or a function of your own
@@ -208,6 +213,7 @@ def reconstruct(
         found,
         cameras,
         turntable=turntable,
+        sets=sets,
         fewest=fewest,
         calibrate=sections["calibrate"],
         colmap=sections["colmap"],
@@ -291,6 +297,7 @@ def find_cameras(
     source: CameraSource | None = None,
     *,
     turntable: str = "",
+    sets: str = "",
     fewest: int = 3,
     calibrate: Mapping[str, Any] | None = None,
     colmap: Mapping[str, Any] | None = None,
@@ -304,6 +311,7 @@ def find_cameras(
             cameras in pixels of the photographs or of the working images, named like these; chosen
             by what the photographs show if not given, and by how far silhouettes agree
         turntable: what is known of it, as for ``reconstruct``
+        sets: between which the object was turned over, as for ``reconstruct``
         fewest: views that must be left where outliers are dropped
         calibrate, colmap: of the configuration's sections
         progress: is told which share is done of what takes longest
@@ -319,7 +327,8 @@ def find_cameras(
     refuse_array("silhouettes", silhouettes.silhouettes, shape, "one of each view")
     tries: Sequence[CameraSource] = (source,) if source is not None else ()
     tries = tries or choose_cameras(look(photographs.files))[0]
-    search = _Search(photographs, silhouettes, turntable, calibrate or {}, colmap or {}, progress)
+    known = turntable, sets, calibrate or {}, colmap or {}
+    search = _Search(photographs, silhouettes, *known, progress)
     made, failure = None, None
     for trial in tries:
         try:
@@ -582,6 +591,7 @@ class _Search:
     photographs: Photographs
     found: Silhouettes
     turntable: str
+    sets: str
     calibrate: Mapping[str, Any]
     colmap: Mapping[str, Any]
     progress: Share
@@ -615,11 +625,15 @@ class _Search:
         return attempt_turntable(views, known.distance, known.elevation, known.step)
 
     def _calibrate(self, known: Any) -> Attempt:
-        from silmesh.cameras.calibrate import calibrate_views
+        from silmesh.scene.calibrated_sets import calibrate_sets
 
-        return calibrate_views(
+        views, files = self.photographs.views, self.photographs.files
+        named = [view.view for view in views]
+        return calibrate_sets(
             self.found.silhouettes,
-            self.photographs.views,
+            views,
+            find_sets(self.sets, named, [file.parent.name for file in files]),
+            self.photographs.images,
             step=known.step,
             elevation=known.elevation,
             distance=known.distance,
@@ -640,6 +654,7 @@ class _Search:
                 torch.get_num_threads(),
                 Path(scratch),
                 self.progress,
+                self.photographs.images,
             )
 
 
@@ -649,7 +664,7 @@ def _attempt_own(cameras: Cameras, views: Sequence[View]) -> Attempt:
 
     refuse_cameras(cameras)
     attempt = match(Path(OWN), cameras, views, Rules(working=True))
-    figures = {"file": OWN, "cameras": len(cameras), "written": WORLD_TO_CAMERA}
+    figures = {**attempt.figures, "file": OWN, "cameras": len(cameras), "written": WORLD_TO_CAMERA}
     return replace(attempt, figures=figures)
 
 

@@ -65,3 +65,31 @@ def test_a_repaired_view_is_fitted_and_one_that_stays_doubtful_is_dropped(scene)
     decision = decided(scene, "repair", segment=segment)
     assert (decision.fates[2], decision.fates[9]) == ("repaired", "dropped")
     np.testing.assert_array_equal(decision.silhouettes[2], truth[2])
+
+
+@pytest.fixture(scope="module")
+def halves():
+    """The silhouettes of one body in every other view, and of a rod in the rest."""
+    cameras = dome(24, 48)
+    body = silhouettes(cameras, [0.45, 0.25, 0.3])
+    rod = silhouettes(cameras, [0.12, 0.45, 0.12], [0.2, 0.1, 0])
+    return np.where((np.arange(24) % 2 == 0)[:, None, None], body, rod), cameras
+
+
+def test_which_half_is_wrong_something_else_decides(halves):
+    suspects = list(range(0, 24, 2))
+    decision = decide("keep", 3, *halves, None, suspects=suspects)
+    assert decision.verdict.outliers == suspects
+    assert decision.fitted == list(range(1, 24, 2))
+
+
+def test_of_two_halves_none_is_named_where_nothing_decides(halves):
+    decision = decide("keep", 3, *halves, None)
+    assert len(decision.fitted) == 24
+
+
+def test_suspects_that_the_others_do_not_contradict_stay(scene):
+    truth, _, cameras = scene
+    decision = decide("keep", 3, truth, cameras, None, suspects=[1, 5])
+    assert decision.verdict.outliers == []
+    assert decision.fitted == list(range(COUNT))

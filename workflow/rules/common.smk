@@ -167,6 +167,12 @@ def known_geometry(wildcards):
     return " ".join(f"{k}={v}" for k, v in values.items() if v is not None)
 
 
+def sets_given(wildcards):
+    """The argument that names the sets of photographs between which the object was turned over."""
+    sets = with_calibration(wildcards).dataset.sets
+    return f"--sets {quote(json.dumps(sets))}" if sets else ""
+
+
 def with_colmap(wildcards):
     """A run of whose attempts at cameras one is this COLMAP's."""
     w = wildcards

@@ -9,8 +9,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from silmesh.cameras.locate import locate
+from silmesh.cameras.sets import find_sets
 from silmesh.errors import InputError, blaming, shorten
-from silmesh.naming import match_masks, order_photographs, pair_masks, split_masks, tell_spare
+from silmesh.naming import (
+    match_masks,
+    name_views,
+    order_photographs,
+    pair_masks,
+    split_masks,
+    tell_spare,
+)
 from silmesh.own_code import own_file, refuse_lacking
 from silmesh.settings.section import LONGEST_NAME, LONGEST_PATH, NAME
 from silmesh.settings.silhouettes import check_source
@@ -19,7 +27,7 @@ from silmesh.synthetic import layout
 from silmesh.views import count_array_views, list_images, list_masks
 
 REQUIRED = ("object", "images", "silhouettes", "cameras")
-OPTIONAL = ("masks", "turntable", "truth", "variants")
+OPTIONAL = ("masks", "turntable", "sets", "truth", "variants")
 COLUMNS = REQUIRED + OPTIONAL
 RESERVED = "report"  # a folder of results/
 FEWEST_VIEWS = 2
@@ -37,6 +45,8 @@ class Dataset:
         masks: the mask of each photograph, or none
         silhouettes, cameras: where they come from; a ``file:`` path is resolved
         turntable: what the row says of its geometry
+        sets: the views of each set of photographs between which the object was turned over; empty
+            for one set, or where it is to be found
         truth: the true mesh, if given
         variants: the experiments that it runs; empty for all
         notes: what was found and is not used, a line each
@@ -49,6 +59,7 @@ class Dataset:
     silhouettes: str
     cameras: str
     turntable: Turntable
+    sets: tuple[tuple[str, ...], ...]
     truth: Path | None
     variants: tuple[str, ...]
     notes: tuple[str, ...] = ()
@@ -154,6 +165,7 @@ def _parse_row(table: Path, line: int, row: Mapping[str, str]) -> Dataset:
             silhouettes=_resolve_silhouettes(table, row["silhouettes"]),
             cameras=cameras,
             turntable=parse_turntable(row["turntable"]),
+            sets=_find_sets(row["sets"], images),
             truth=_find_truth(table, row["truth"]) if row["truth"] else None,
             variants=tuple(dict.fromkeys(re.findall(r"[^,\s]+", row["variants"]))),
             notes=tuple(f"{where}: {note}" for note in notes),
@@ -259,6 +271,13 @@ def resolve_cameras(table: Path, cell: str) -> str:
             return f"file:{locate(path).path}"
         except OSError as error:
             raise InputError(f"{path}: cannot be read: {error.strerror}") from error
+
+
+def _find_sets(cell: str, images: Sequence[Path]) -> tuple[tuple[str, ...], ...]:
+    """The views of each set that a row names."""
+    if cell and images[0].suffix == ".npy":
+        raise InputError("sets: an array has no names of views, by which they are told apart")
+    return find_sets(cell, name_views(images), [image.parent.name for image in images])
 
 
 def _find_truth(table: Path, cell: str) -> Path:

@@ -239,7 +239,14 @@ class Run:
 
     @property
     def _calibrate_name(self) -> str:
-        return "calibrate" if self.settings.calibrate.above_table else "calibrate_anywhere"
+        name = "calibrate" if self.settings.calibrate.above_table else "calibrate_anywhere"
+        return f"{name}{self._sets_name}"
+
+    @property
+    def _sets_name(self) -> str:
+        """Names the sets that the photographs are divided into, if they are given."""
+        sets = self.dataset.sets
+        return f"-{_digest(repr(sets))}" if sets else ""
 
     @property
     def _silhouettes_name(self) -> str:
@@ -253,7 +260,7 @@ class Run:
     def _cameras_name(self) -> str:
         if self.cameras in ("colmap", "auto"):
             above = self.settings.calibrate.above_table
-            key = f"{self.model_key}-{self.settings.colmap.masks}-{above}"
+            key = f"{self.model_key}-{self.settings.colmap.masks}-{above}{self._sets_name}"
             return f"{self.cameras}_{_digest(key)}"
         if self.cameras == "calibrate":
             return self._calibrate_name

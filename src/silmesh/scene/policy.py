@@ -42,6 +42,7 @@ def decide(
     frames: np.ndarray | None = None,
     lost: Mapping[int, str] | None = None,
     unreadable: Collection[int] = (),
+    suspects: Sequence[int] = (),
 ) -> Decision:
     """Find outliers among the silhouettes, and keep, drop or repair them.
 
@@ -55,11 +56,15 @@ def decide(
         frames: [views, 4] of the photographs within the images, as ``judge`` takes them
         lost: why silhouettes are empty or outliers, by position, where it is known
         unreadable: positions of the views without a photograph to segment again
+        suspects: positions of views that something else speaks against. Where the silhouettes alone
+            cannot tell which are wrong, the others judge them, and the outliers among them are
+            dropped by any policy that does not repair them, since no mesh fits both sides
 
     Raises:
         InputError: too few views would be left
     """
-    verdict = find_outliers(silhouettes, cameras, frames).explain(lost or {})
+    verdict, suspected = _judge(silhouettes, cameras, frames, suspects)
+    verdict = verdict.explain(lost or {})
     outliers, fates, new = verdict.outliers, [KEPT] * len(silhouettes), silhouettes.copy()
     if policy == "repair" and outliers:
         if readable := [i for i in outliers if i not in unreadable]:
@@ -70,10 +75,27 @@ def decide(
             new[i] = silhouettes[i] if i in still else new[i]
     else:
         for i in outliers:
-            fates[i] = DROPPED if policy == "drop" or not silhouettes[i].any() else KEPT
+            lose = policy == "drop" or not silhouettes[i].any() or i in suspected
+            fates[i] = DROPPED if lose else KEPT
     decision = Decision(verdict, new, fates)
     _refuse_too_few(decision, fewest, cameras.views)
     return decision
+
+
+def _judge(
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+    frames: np.ndarray | None,
+    suspects: Sequence[int],
+) -> tuple[Verdict, Collection[int]]:
+    """The verdict on the silhouettes, and the views by whose suspicion it was found, if any."""
+    verdict = find_outliers(silhouettes, cameras, frames)
+    if not suspects or 2 * len(suspects) > len(silhouettes):
+        return verdict, ()
+    again = find_outliers(silhouettes, cameras, frames, suspects)
+    if again.refusal or len(again.outliers) <= len(verdict.outliers):
+        return verdict, ()
+    return again, suspects
 
 
 def _refuse_too_few(decision: Decision, fewest: int, views: Sequence[str]) -> None:
