@@ -24,6 +24,7 @@ from silmesh.geometry.frame import whole_frames
 from silmesh.geometry.robust_hull import AROUND, robust_carve
 from silmesh.progress import Share, untold
 from silmesh.scene.colour_model import ColourModel
+from silmesh.scene.coverage import settle_outline
 from silmesh.scene.graph_cut import cut
 from silmesh.scene.outliers import Verdict, find_outliers
 from silmesh.scene.votes import find_allowed
@@ -200,7 +201,7 @@ def _segment_all(
             colour = ColourModel(seen).log_density(told) - ColourModel(beyond).log_density(told)
             odds[free] += np.clip(colour, -SURE, SURE)
         fixed = silhouettes[i] & (i not in contested.whole)
-        new[i] = cut(odds, pixels, free, fixed)
+        new[i] = settle_outline(cut(odds, pixels, free, fixed), pixels, free)
     return new
 
 
