@@ -97,4 +97,18 @@ def test_specks_are_small_parts_of_either_kind():
     silhouette = np.zeros((6, 7), bool)
     silhouette[:3, :5] = silhouette[4:, :2] = silhouette[1, 6] = True
     silhouette[1, 1] = False
-    assert np.argwhere(find_specks(silhouette)).tolist() == [[1, 1], [1, 6]]
+    specks, count = find_specks(silhouette)
+    assert np.argwhere(specks).tolist() == [[1, 1], [1, 6]]
+    assert count == 2
+
+
+def test_specks_go_and_pinholes_are_filled(scene):
+    truth = scene[1]
+    found = truth.copy()
+    rng = np.random.default_rng(4)
+    for part in (truth[7], ~truth[7]):
+        found[7].flat[rng.choice(np.flatnonzero(part), 15, replace=False)] ^= True
+    solved = solve(scene, found)
+    assert list(solved.reasons) == [7]
+    assert solved.reasons[7].startswith("specks are ")
+    assert iou(solved.silhouettes[7], truth[7]) > 0.99

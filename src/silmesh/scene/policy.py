@@ -77,7 +77,7 @@ def decide(
 
 
 def _compare(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
-    """Which shares of a silhouette's area were added and removed; of the new one's if it was empty."""
+    """Which shares of a silhouette's area were added and removed; of the new one's if it is new."""
     area = max(int(before.sum()) or int(after.sum()), 1)
     return float((after & ~before).sum() / area), float((before & ~after).sum() / area)
 

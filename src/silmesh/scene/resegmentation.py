@@ -29,7 +29,7 @@ from silmesh.scene.graph_cut import cut
 from silmesh.scene.outliers import Verdict, find_outliers
 from silmesh.scene.votes import find_allowed
 
-ROUNDS = 4
+ROUNDS = 3
 STILL = 0.002  # of a silhouette's area: less is no movement
 OUTER = 4  # pixels of 256 around the hull: those beyond are background
 DEEPEST = 12  # and in it: all those that are deeper count alike
@@ -37,7 +37,9 @@ CALM = 8  # views that nothing contradicts, by which the hull is measured
 AROUND_VIEW = 6  # such views nearest to one, whose colours are the object's
 SURE = 4.0  # nats: the most that the hull counts, and the colours
 SPECK = 4  # pixels: a smaller part of the object, or of what is around it, is a speck
-SPECKLED = 0.004  # of a silhouette's area: if specks are more they are decided anew
+# Specks are decided anew if they are so many, and more than this share of a silhouette's area. A
+# thin part that is seen at a slant falls into a few of them.
+MANY, SPECKLED = 6, 0.004
 
 
 @dataclass
@@ -98,10 +100,10 @@ def find_contest(
             found.whole.add(i)
             found.reasons[i] = "other views contradict it"
             continue
-        specks = find_specks(silhouette)
+        specks, count = find_specks(silhouette)
         if part.any():
             found.reasons[i] = f"other views contradict {part.sum() / area[i]:.0%} of it"
-        if specks.sum() > SPECKLED * area[i]:
+        if count >= MANY and specks.sum() > SPECKLED * area[i]:
             found.reasons.setdefault(i, f"specks are {specks.sum() / area[i]:.1%} of it")
             part = part | ndimage.binary_dilation(specks, AROUND)
         if part.any():
@@ -109,15 +111,20 @@ def find_contest(
     return found
 
 
-def find_specks(silhouette: np.ndarray) -> np.ndarray:
-    """Parts of an object, or of what is around it, of fewer than ``SPECK`` pixels: a bool image."""
-    specks = np.zeros_like(silhouette)
+def find_specks(silhouette: np.ndarray) -> tuple[np.ndarray, int]:
+    """Parts of an object, or of what is around it, of fewer than ``SPECK`` pixels.
+
+    Returns:
+        [height, width] bool, and how many they are
+    """
+    specks, found = np.zeros_like(silhouette), 0
     for part in (silhouette, ~silhouette):
         pieces, count = ndimage.label(part)
         small = np.bincount(pieces.ravel(), minlength=count + 1) < SPECK
         small[0] = False
         specks |= small[pieces]
-    return specks
+        found += int(small.sum())
+    return specks, found
 
 
 def solve_jointly(
