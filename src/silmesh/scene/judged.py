@@ -150,7 +150,7 @@ def _note(
         "contradicted": [views[i] for i in decision.fitted if contradict(colours[i])],
         "repaired": [view for view, fate in fates.items() if fate == REPAIRED],
         "repairs": {
-            view: {"added": added, "removed": removed}
+            view: {"why": reasons[view], "added": added, "removed": removed}
             for view, (added, removed) in zip(views, decision.changes, strict=True)
             if fates[view] == REPAIRED
         },
