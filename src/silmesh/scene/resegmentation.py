@@ -1,8 +1,8 @@
 """Silhouettes solved jointly: masks, the votes of the other views, and colours, in rounds.
 
 Each round asks which silhouettes, or parts of them, the others contradict. Of these pixels, and of
-no others, a minimum cut decides (``silmesh.scene.graph_cut``; after Campbell et al., *Automatic
-object segmentation from calibrated images*, 2010). The odds that a pixel is the object are the sum
+no others, a minimum cut decides (``silmesh.scene.graph_cut``; after Campbell et al., *Automatic 3D
+Object Segmentation in Multiple Views*, 2010). The odds that a pixel is the object are the sum
 of two logarithms:
 
 - how much more often, in the views that nothing contradicts, a pixel as deep in the hull of the
