@@ -20,7 +20,7 @@ import numpy as np
 from scipy import ndimage
 
 from silmesh.geometry.camera import Cameras
-from silmesh.geometry.frame import whole_frames
+from silmesh.geometry.frame import find_shown, whole_frames
 from silmesh.geometry.robust_hull import AROUND, robust_carve
 from silmesh.progress import Share, untold
 from silmesh.scene.colour_model import ColourModel
@@ -30,6 +30,7 @@ from silmesh.scene.outliers import Verdict, find_outliers
 from silmesh.scene.votes import find_allowed
 
 ROUNDS = 3
+FEWEST = 3  # views that must have a say
 STILL = 0.002  # of a silhouette's area: less is no movement
 OUTER = 4  # pixels of 256 around the hull: those beyond are background
 DEEPEST = 12  # and in it: all those that are deeper count alike
@@ -155,7 +156,7 @@ def solve_jointly(
         contest = find_contest(new, cameras, frames, verdict)
         _remember(contested, contest)
         views = [i for i in contested.views if i not in unreadable]
-        if not views:
+        if not views or len(_find_voting(new, contest)) < FEWEST:
             return Solved(new, contested.reasons, contested.views)
         before = new
         new = _segment_all(look, new, cameras, frames, contest, contested, views)
@@ -186,30 +187,43 @@ def _segment_all(
     views: list[int],
 ) -> np.ndarray:
     """The silhouettes with these views segmented again, by those that are believed now."""
-    shown = np.flatnonzero(silhouettes.any(axis=(1, 2)))
-    voting = [i for i in shown.tolist() if i not in contest.whole]
+    voting = _find_voting(silhouettes, contest)
     calm = [i for i in voting if i not in contested.views] or voting
     sampled = [calm[k] for k in np.unique(np.linspace(0, len(calm) - 1, CALM).round().astype(int))]
     believed = silhouettes | contest.filled
-    of = [*views, *sampled]
-    depths = _measure_depths(believed, cameras, frames, of, voting)
+    depths = _measure_depths(believed, cameras, frames, [*views, *sampled], voting)
     hull_odds = _learn_hull(depths[len(views) :], silhouettes[sampled], frames[sampled])
     new = silhouettes.copy()
     for i, depth in zip(views, depths, strict=False):
-        inside = _inside(frames[i], depth.shape)
-        free = depth > -OUTER if i in contested.whole else contested.parts[i]
-        free, pixels = free & inside, look(i)
-        around = _nearest(cameras, i, calm)
-        seen = np.concatenate([look(j)[_core(silhouettes[j])] for j in around])
-        beyond = pixels[(depth <= -OUTER) & inside]
+        inside, pixels = _inside(frames[i], depth.shape), look(i)
+        free = inside & (depth > -OUTER if i in contested.whole else contested.parts[i])
+        around = [look(j)[_core(silhouettes[j])] for j in _nearest(cameras, i, calm)]
         odds = hull_odds(depth)
-        if len(seen) and len(beyond):
-            told = pixels[free]
-            colour = ColourModel(seen).log_density(told) - ColourModel(beyond).log_density(told)
-            odds[free] += np.clip(colour, -SURE, SURE)
+        odds[free] += _compare_colours(pixels[free], around, pixels[inside & (depth <= -OUTER)])
         fixed = silhouettes[i] & (i not in contested.whole)
         new[i] = settle_outline(cut(odds, pixels, free, fixed), pixels, free)
     return new
+
+
+def _find_voting(silhouettes: np.ndarray, contest: Contest) -> list[int]:
+    """Positions of the views that have a say: that show something and are not all contradicted."""
+    return [i for i in find_shown(silhouettes).tolist() if i not in contest.whole]
+
+
+def _compare_colours(
+    asked: np.ndarray, around: list[np.ndarray], beyond: np.ndarray
+) -> np.ndarray | float:
+    """The logarithm of how much likelier colours [n, 3] are the object's than the background's.
+
+    Args:
+        around: colours of the object, as some views show it
+        beyond: of the background
+    """
+    seen = np.concatenate(around) if around else beyond[:0]
+    if not (len(seen) and len(beyond)):
+        return 0.0
+    odds = ColourModel(seen).log_density(asked) - ColourModel(beyond).log_density(asked)
+    return np.clip(odds, -SURE, SURE)
 
 
 def _measure_depths(
