@@ -1,6 +1,7 @@
 r"""How well cameras are found from silhouettes, on made-up objects whose cameras are known: JSON.
 
 python benchmarks/calibrate.py --cases 12 --views 72 36 12
+python benchmarks/calibrate.py --cases 6 --first 100 --rounds plain unequal three uneven
 python benchmarks/calibrate.py --cases 0 \
     --silhouettes results/moisturiser/stages/silhouettes/256-pad-mask
 """
@@ -9,12 +10,13 @@ import argparse
 import json
 import math
 import time
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 import torch
 
-from silmesh.cameras.calibrate import Calibration, calibrate
+from silmesh.cameras.calibrate import Calibration, attempt_calibration, calibrate
 from silmesh.cameras.turntable import orbit_cameras, turntable_cameras
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.silhouette_iou import coherence
@@ -25,6 +27,19 @@ from silmesh.silhouettes import read_silhouettes
 from silmesh.softras import soft_silhouettes
 from silmesh.synthetic.dataset import make_object
 
+# Rounds: elevation, views and arc of each, in degrees.
+TWO = ((5, 18, 360), (40, 18, 360))
+ROUNDS = {
+    "plain": TWO,
+    "unequal": ((8, 24, 360), (45, 12, 360)),
+    "three": ((5, 16, 360), (30, 16, 360), (55, 12, 360)),
+    "half": ((5, 14, 180), (40, 14, 180)),
+    "repeated": ((5, 19, 380), (40, 19, 380)),
+    "uneven": TWO,
+    "wrong": TWO,
+}
+UNEVEN = 1.0  # degrees: standard deviation of the steps' errors in "uneven"
+WRONG = 4  # silhouettes of the second round that lack their left half in "wrong"
 OBJECTS = ("apricot", "bear", "bottle", "plane", "pot", "tube")
 
 
@@ -109,6 +124,84 @@ def run_case(seed: int, count: int, size: int, jitter: float) -> dict:
     }
 
 
+def random_rounds(kind: str, size: int, random: np.random.Generator) -> tuple[Cameras, list[dict]]:
+    """Cameras of several rounds about one axis, each moved by hand, and what they are."""
+    tan = math.tan(math.radians(random.uniform(8, 15)))
+    direction, truth, parts = random.choice([-1, 1]), [], []
+    for elevation, count, arc in ROUNDS[kind]:
+        phase, nearer = random.uniform(0, 360), random.uniform(0.95, 1.05)
+        errors = random.normal(0, UNEVEN, count) if kind == "uneven" else np.zeros(count)
+        angles = phase + direction * arc / count * np.arange(count) + errors
+        same = torch.ones(count, dtype=torch.float64)
+        names = [f"v{sum(t['views'] for t in truth) + i:03d}" for i in range(count)]
+        far = 0.8 / tan * nearer
+        part = orbit_cameras(names, size, far * same, elevation * same, torch.as_tensor(angles))
+        t = part.t + torch.tensor([*random.uniform(-0.04, 0.04, 2), 0.0], dtype=torch.float64)
+        parts.append((part.R, t))
+        truth.append({"elevation": elevation, "views": count})
+    count = sum(one["views"] for one in truth)
+    K = torch.eye(3, dtype=torch.float64)
+    K[0, 0] = K[1, 1] = size / 2 / tan
+    K[:2, 2] = size / 2
+    R, t = (torch.cat(each) for each in zip(*parts, strict=True))
+    names = tuple(f"v{i:03d}" for i in range(count))
+    return Cameras(names, torch.full((count, 2), size), K.repeat(count, 1, 1), R, t), truth
+
+
+def run_rounds(kind: str, seed: int, size: int) -> dict:
+    """Several rounds of one of the objects, of which nothing is told."""
+    random = np.random.default_rng(seed)
+    cameras, truth = random_rounds(kind, size, random)
+    name = OBJECTS[seed % len(OBJECTS)]
+    seen = render(name, cameras)
+    wrong = set()
+    if kind == "wrong":
+        first, last = truth[0]["views"], len(seen)
+        wrong = {int(i) for i in random.choice(np.arange(first, last), WRONG, replace=False)}
+        seen[list(wrong), :, : size // 2] = False
+    start = time.process_time()
+    attempt = attempt_calibration(seen, cameras.views)
+    case = {"kind": kind, "object": name, "cpu_seconds": time.process_time() - start}
+    if attempt.cameras is None:
+        return case | {"refused": attempt.refusal}
+    found = attempt.figures.get("rounds", [])
+    right = [i for i in range(len(seen)) if i not in wrong]
+    normalised = attempt.cameras.in_world_of(find_similarity(attempt.cameras, seen)).select(right)
+    hull = coherence(carve(seen[right], normalised), normalised, seen[right])
+    named = {int(view[1:]) for view in attempt.figures["disagreeing"]}
+    elevations = [one["estimates"]["elevation"]["value"] for one in found]
+    as_taken = [len(one["views"]) for one in found] == [one["views"] for one in truth]
+    errors = [abs(e - one["elevation"]) for e, one in zip(elevations, truth, strict=False)]
+    return case | {
+        "views": [len(one["views"]) for one in found],
+        "as_taken": as_taken,
+        "elevations": elevations,
+        "error": max(errors) if as_taken else None,
+        "hull_iou": float(hull.mean()),
+        "rms": attempt.figures["rms"],
+        "wrong_named": len(wrong & named),
+        "right_named": len(named - wrong),
+    }
+
+
+def summarise_rounds(cases: list[dict]) -> dict:
+    """What was found, and the errors of the elevations where the rounds are as they were taken."""
+    found = [case for case in cases if "refused" not in case]
+    errors = [case["error"] for case in found if case["as_taken"]]
+    return {
+        "cases": len(cases),
+        "refused": [f"{c['object']}: {c['refused']}" for c in cases if "refused" in c],
+        "as_taken": len(errors),
+        "error": {"median": float(np.median(errors)), "worst": max(errors)} if errors else None,
+        "hull_iou": {"median": float(np.median([c["hull_iou"] for c in found])),
+                     "worst": min(c["hull_iou"] for c in found)} if found else None,
+        "wrong_named": sum(c["wrong_named"] for c in found),
+        "right_named": sum(c["right_named"] for c in found),
+        "cpu_seconds": {"median": float(np.median([c["cpu_seconds"] for c in cases])),
+                        "worst": max(c["cpu_seconds"] for c in cases)},
+    }  # fmt: skip
+
+
 def summarise(cases: list[dict]) -> dict:
     """Errors of what was reported as found, in pixels and degrees and in standard deviations.
 
@@ -166,6 +259,16 @@ def measure_photographs(folder: Path, step: float) -> dict:
     }
 
 
+def measure_rounds(given: argparse.Namespace) -> dict:
+    """Each kind of rounds, with every case if that is asked for."""
+    kinds = {
+        kind: [run_rounds(kind, given.first + i, given.size) for i in range(given.cases)]
+        for kind in given.rounds
+    }
+    every = {"cases": list(chain.from_iterable(kinds.values()))} if given.details else {}
+    return {kind: summarise_rounds(cases) for kind, cases in kinds.items()} | every
+
+
 def main() -> None:
     """Print what was measured."""
     args = argparse.ArgumentParser(description=__doc__)
@@ -177,9 +280,13 @@ def main() -> None:
     args.add_argument("--threads", type=int, default=2)
     args.add_argument("--silhouettes", type=Path, help="folder of real ones")
     args.add_argument("--step", type=float, default=5.0, help="of those, in degrees")
+    args.add_argument("--rounds", nargs="+", choices=ROUNDS, default=[], help="several, not one")
     args.add_argument("--details", action="store_true", help="every case")
     given = args.parse_args()
     torch.set_num_threads(given.threads)
+    if given.rounds:
+        print(json.dumps(measure_rounds(given), indent=1))
+        return
     cases = [
         run_case(given.first + i, v, given.size, given.jitter)
         for v in given.views

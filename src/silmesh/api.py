@@ -31,6 +31,7 @@ from PIL import Image
 
 from silmesh.cameras.attempt import FILE, WORLD_TO_CAMERA, Attempt
 from silmesh.cameras.locate import locate
+from silmesh.cameras.sets import find_sets
 from silmesh.errors import InputError, name_some
 from silmesh.evaluation import metrics
 from silmesh.fitting.fit import Fitted
@@ -49,7 +50,6 @@ from silmesh.intake.arguments import (
 from silmesh.intake.photographs import find_masks, find_photographs, is_video
 from silmesh.intake.sources import choose_cameras, choose_silhouettes, look
 from silmesh.naming import match_masks
-from silmesh.planning.datasets import parse_turntable
 from silmesh.progress import Share, untold
 from silmesh.scene.assemble import build_scene
 from silmesh.scene.judged import judge_scene
@@ -60,6 +60,7 @@ from silmesh.settings.fit import Fit, SoftRasFit
 from silmesh.settings.init import Init
 from silmesh.settings.quality import Quality
 from silmesh.settings.silhouettes import FOREGROUND_MODELS, Networks, check_source
+from silmesh.settings.turntable import parse_turntable
 from silmesh.settings.views import Views
 from silmesh.shapes.initial import Initial, make_initial_mesh, take_mesh
 from silmesh.silhouettes import Found
@@ -161,6 +162,7 @@ def reconstruct(
     *,
     silhouettes: str | None = None,
     turntable: str = "",
+    sets: str = "",
     size: int = 256,
     init: str = HULL,
     preset: str = "fast",
@@ -179,7 +181,11 @@ def reconstruct(
             cameras, or cameras of the photographs; chosen by what the photographs show if not given
         silhouettes: ``mask``, ``alpha``, ``threshold``, ``matting``, ``deeplab``, or a function of
             your own as ``path/to/file.py:function`` (``docs/extending.md``); chosen likewise
-        turntable: what is known of it, ``distance,elevation,step`` in scene units and degrees
+        turntable: what is known of it, ``distance,elevation,step`` in scene units and degrees; of
+            several rounds each, separated by ``;``
+        sets: of photographs between which the object was turned over, as globs of view names or as
+            folders, ``upright_*;turned_*``; found, where one turntable explains not all, if not
+            given
         size: side of the working images, in pixels
         init: shape of the initial mesh, or a function of your own
         preset: of the fit, ``fast`` or ``softras``, or a function of your own
@@ -207,6 +213,7 @@ def reconstruct(
         found,
         cameras,
         turntable=turntable,
+        sets=sets,
         fewest=fewest,
         calibrate=sections["calibrate"],
         colmap=sections["colmap"],
@@ -290,6 +297,7 @@ def find_cameras(
     source: CameraSource | None = None,
     *,
     turntable: str = "",
+    sets: str = "",
     fewest: int = 3,
     calibrate: Mapping[str, Any] | None = None,
     colmap: Mapping[str, Any] | None = None,
@@ -303,6 +311,7 @@ def find_cameras(
             cameras in pixels of the photographs or of the working images, named like these; chosen
             by what the photographs show if not given, and by how far silhouettes agree
         turntable: what is known of it, as for ``reconstruct``
+        sets: between which the object was turned over, as for ``reconstruct``
         fewest: views that must be left where outliers are dropped
         calibrate, colmap: of the configuration's sections
         progress: is told which share is done of what takes longest
@@ -318,7 +327,8 @@ def find_cameras(
     refuse_array("silhouettes", silhouettes.silhouettes, shape, "one of each view")
     tries: Sequence[CameraSource] = (source,) if source is not None else ()
     tries = tries or choose_cameras(look(photographs.files))[0]
-    search = _Search(photographs, silhouettes, turntable, calibrate or {}, colmap or {}, progress)
+    known = turntable, sets, calibrate or {}, colmap or {}
+    search = _Search(photographs, silhouettes, *known, progress)
     made, failure = None, None
     for trial in tries:
         try:
@@ -581,6 +591,7 @@ class _Search:
     photographs: Photographs
     found: Silhouettes
     turntable: str
+    sets: str
     calibrate: Mapping[str, Any]
     colmap: Mapping[str, Any]
     progress: Share
@@ -606,21 +617,27 @@ class _Search:
 
         if not known.complete:
             raise InputError(
-                f"turntable {self.turntable!r}: lacks a number; should be distance,elevation,step, "
-                "for example 2.732,0,5; cameras 'calibrate' finds what is not known"
+                f"turntable {self.turntable!r}: lacks a number or names several rounds; should be "
+                "distance,elevation,step, for example 2.732,0,5; cameras 'calibrate' finds what is "
+                "not known"
             )
         views = self.photographs.views
         return attempt_turntable(views, known.distance, known.elevation, known.step)
 
     def _calibrate(self, known: Any) -> Attempt:
-        from silmesh.cameras.calibrate import calibrate_views
+        from silmesh.scene.calibrated_sets import calibrate_sets
 
-        return calibrate_views(
+        views, files = self.photographs.views, self.photographs.files
+        named = [view.view for view in views]
+        return calibrate_sets(
             self.found.silhouettes,
-            self.photographs.views,
+            views,
+            find_sets(self.sets, named, [file.parent.name for file in files]),
+            self.photographs.images,
             step=known.step,
             elevation=known.elevation,
             distance=known.distance,
+            rounds=known.rounds,
             above_table=_check("calibrate", self.calibrate).above_table,
             progress=self.progress,
         )
@@ -637,6 +654,7 @@ class _Search:
                 torch.get_num_threads(),
                 Path(scratch),
                 self.progress,
+                self.photographs.images,
             )
 
 

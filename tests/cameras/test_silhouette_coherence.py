@@ -59,7 +59,7 @@ def plain_misses(outlines, pose):
     for v, s in np.argwhere(outlines.known):
 
         def at(depth, v=v, s=s):
-            point = pose.centres[v] + (pose.middle + depth) * pose.rays[v, s]
+            point = pose.centres[v] + (pose.middle[v] + depth) * pose.rays[v, s]
             return least_of_others(outlines, pose, v, point)
 
         step = 2 * RADIUS / DEPTHS

@@ -18,10 +18,12 @@ from click.shell_completion import ShellComplete
 from click.testing import CliRunner
 from PIL import Image
 from processes import wait_for
-from scenes import silhouettes, turntable
+from scenes import save, silhouettes, turntable
 from surroundings import look_around, surround
 
 from silmesh.cli.main import main
+from silmesh.cli.make import _name_sets
+from silmesh.errors import InputError
 from silmesh.geometry.camera import write_cameras
 from silmesh.naming import natural_key
 from silmesh.planning.provenance import SOURCE
@@ -107,6 +109,20 @@ def test_masks_beside_silhouettes_of_another_kind_are_refused(tmp_path, source):
     status, said = call(photos, *output, "--masks", photos, "--silhouettes", source)
     assert status == 2
     assert f"--masks {photos}: --silhouettes {source} takes no masks" in said
+
+
+def test_sets_are_named_as_the_links_to_the_photographs_are(tmp_path):
+    files = [
+        save(tmp_path / folder / f"p{i}.png", np.zeros((4, 4), np.uint8))
+        for folder in ("down", "up{1}")
+        for i in range(5)
+    ]
+    named = _name_sets("up{1};down", files)
+    assert named == ";".join(
+        ",".join(f"{folder}_p{i}" for i in range(5)) for folder in ("up_1_", "down")
+    )
+    with pytest.raises(InputError, match="'side' matches no view and no folder"):
+        _name_sets("up{1};side", files)
 
 
 def test_masks_of_labels_are_refused_before_any_work(tmp_path):

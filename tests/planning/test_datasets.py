@@ -8,7 +8,8 @@ import pytest
 from PIL import Image
 
 from silmesh.errors import InputError
-from silmesh.planning.datasets import COLUMNS, Turntable, read_datasets
+from silmesh.planning.datasets import COLUMNS, read_datasets
+from silmesh.settings.turntable import Turntable, parse_turntable
 
 HEADER = "object\timages\tmasks\tsilhouettes\tcameras\tturntable\ttruth\tvariants\n"
 GOOD = {
@@ -195,11 +196,15 @@ def test_what_spreadsheets_write(table, change):
 @pytest.mark.parametrize("column", COLUMNS)
 def test_a_missing_column(table, column):
     names = [name for name in COLUMNS if name != column]
-    text = "\t".join(names) + "\n" + "\t".join(GOOD[name] for name in names) + "\n"
+    text = "\t".join(names) + "\n" + "\t".join(GOOD.get(name, "") for name in names) + "\n"
     if column in ("truth", "variants"):
         table.write_text(text)
         assert read_datasets(table)[0].object == "cup"
-    elif column in ("masks", "turntable"):  # the plan refuses these, if a variant needs them
+    elif column in (
+        "masks",
+        "turntable",
+        "sets",
+    ):  # the plan refuses what a variant needs
         table.write_text(text)
         assert getattr(read_datasets(table)[0], column) in ((), Turntable(None, None, None))
     else:
@@ -338,6 +343,24 @@ def test_a_turntable_may_turn_the_other_way(table):
     assert read_one(table, turntable="2.732,30,-5").turntable == Turntable(2.732, 30, -5)
 
 
+def test_a_turntable_of_several_rounds(table):
+    known = read_one(table, cameras="calibrate", turntable=",5,20,18; ,40, ").turntable
+    assert known.rounds == (Turntable(None, 5, 20, 18), Turntable(None, 40, None))
+    assert not known.complete
+    assert parse_turntable(known.text) == known
+
+
+@pytest.mark.parametrize("cell", [",5,20;", ",5,20;,40", ",5,20,x;,40,20", ",5,20,18.5;,40,20"])
+def test_rounds_of_another_form(table, cell):
+    message = refusal(table, HEADER + line(turntable=cell))
+    assert "several rounds are separated by ';', as in ',5,20;,40,20'" in message
+
+
+def test_a_round_of_three_photographs_is_refused(table):
+    message = refusal(table, HEADER + line(turntable=",5,20,18;,40,20,3"))
+    assert "a round of 3 photographs is too short" in message
+
+
 @pytest.mark.parametrize(
     ("cell", "known"),
     [
@@ -413,3 +436,21 @@ def test_a_cell_of_too_many_letters(table):
 def test_a_table_whose_name_the_locale_cannot_hold(tmp_path):
     with pytest.raises(InputError, match="cannot be read as a tab-separated table: 'utf-8' codec"):
         read_datasets(tmp_path / "d\ud800.tsv")
+
+
+def test_sets_are_views_by_their_names_or_folders(table):
+    for folder in ("up", "down"):
+        draw(table.parent / "both" / folder, [f"r{i}" for i in range(5)])
+    row = {"images": "both/*/*.png", "masks": "", "silhouettes": "threshold"}
+    header = HEADER.replace("\n", "\tsets\n")
+
+    def sets(cell: str):
+        table.write_text(header + line(**row, sets=cell))
+        return read_datasets(table)[0].sets
+
+    found = tuple(tuple(f"{folder}_r{i}" for i in range(5)) for folder in ("up", "down"))
+    assert sets("up;down") == found
+    assert sets("up_*,down_r?") == found
+    assert sets("") == ()
+    said = refusal(table, header + line(**row, sets="up;aside"))
+    assert said.startswith(", line 2 (cup): sets: 'aside' matches no view and no folder")

@@ -7,14 +7,16 @@ import PIL.Image  # noqa: F401, before pycolmap
 import pycolmap
 import pytest
 import torch
+import turned_over
 from scenes import names, silhouettes, turntable
 
-from silmesh.cameras.stages import LARGEST, MODEL, Report, make_stage
+from silmesh.cameras.stages import APART, LARGEST, MODEL, Report, make_stage
 from silmesh.scene.motion import judge_model
 from silmesh.views import place_view
 
 SIZE, COUNT, KEPT = 64, 12, 8
-VIEWS = [place_view(name, "", SIZE, SIZE, SIZE, "pad") for name in names(COUNT)]
+NAMES = tuple(names(COUNT))
+VIEWS = [place_view(name, "", SIZE, SIZE, SIZE, "pad") for name in NAMES]
 POINTS = np.random.default_rng(0).uniform(-0.3, 0.3, (80, 3))
 
 
@@ -49,7 +51,7 @@ def write_model(folder, cameras):
     model.write(folder)
 
 
-def make_model(folder, completed, largest):
+def make_model(folder, completed, largest, views=NAMES):
     """The stage of a model of ``completed`` cameras that was made of one of ``largest``."""
 
     def work(part, report):
@@ -58,13 +60,31 @@ def make_model(folder, completed, largest):
         return report
 
     figures = {
-        "features": dict.fromkeys(names(COUNT), 100),
-        "linked": dict.fromkeys(names(COUNT), 5),
+        "features": dict.fromkeys(views, 100),
+        "linked": dict.fromkeys(views, 5),
         "models": [len(completed)],
         "closest": {},
     }
     make_stage(folder, Report(figures=figures), work)
     return folder
+
+
+@pytest.mark.slow
+def test_a_model_of_other_views_is_joined_to_the_largest(tmp_path):
+    """As COLMAP leaves two models where the object was turned over between two sets."""
+    first, second = turned_over.ring("a", 20.0), turned_over.ring("b", 35.0)
+    seen = np.concatenate(
+        [turned_over.show(first), turned_over.show(turned_over.turn_over(second))]
+    )
+    views = [*first.views, *second.views]
+    stage = make_model(tmp_path / "m", first, first, views)
+    (stage / APART).mkdir()
+    write_model(stage / APART / "0", second)
+    shown = [place_view(view, "", SIZE, SIZE, SIZE, "pad") for view in views]
+    attempt = judge_model("colmap", stage, shown, seen)
+    assert attempt.cameras.views == tuple(views)
+    assert attempt.dropped == {}
+    assert attempt.figures["joins"][0]["coherence"] > 0.95
 
 
 def test_a_completed_model_that_the_silhouettes_agree_with_is_taken(ring, tmp_path):

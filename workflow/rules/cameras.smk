@@ -45,11 +45,12 @@ rule calibrate:
     threads: 2
     params:
         known=known_geometry,
+        sets=sets_given,
         settings=lambda w: settings(with_calibration(w).settings.calibrate),
         code=code_digest("silmesh.steps.calibrate"),
     message:
         "{wildcards.object}: finding cameras from silhouettes by {wildcards.source}"
     shell:
         "python -m silmesh.steps calibrate --views {input.views:q}"
-        " --silhouettes {input.silhouettes:q} {params.known} --settings {params.settings:q} --threads {threads}"
+        " --silhouettes {input.silhouettes:q} {params.known} {params.sets} --settings {params.settings:q} --threads {threads}"
         " --output {output:q} 2> {log:q}"

@@ -157,12 +157,20 @@ def with_calibration(wildcards):
 def known_geometry(wildcards):
     """The arguments that say what is known of a turntable whose geometry is to be found."""
     known = with_calibration(wildcards).turntable
+    if known.later:
+        return f"--rounds {quote(known.text)}"
     values = {
         "--elevation": known.elevation,
         "--step": known.step,
         "--distance": known.distance,
     }
     return " ".join(f"{k}={v}" for k, v in values.items() if v is not None)
+
+
+def sets_given(wildcards):
+    """The argument that names the sets of photographs between which the object was turned over."""
+    sets = with_calibration(wildcards).dataset.sets
+    return f"--sets {quote(json.dumps(sets))}" if sets else ""
 
 
 def with_colmap(wildcards):

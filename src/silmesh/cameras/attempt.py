@@ -24,7 +24,8 @@ CAMERA_TO_WORLD_OPENGL = "camera to world, OpenGL's axes"
 TRY_CALIBRATE = "; if the object turned before a camera that stood still, try cameras 'calibrate'"
 CHECK_SERIES = (
     ". Are the views in the order in which they were taken, one even step apart, the camera still, "
-    "and the silhouettes whole? A known step and elevation help: turntable ',elevation,step'"
+    "and the silhouettes whole? A known step and elevation help: turntable ',elevation,step', of "
+    "several rounds each: ',5,20,18;,40,20,18' with 18 views in both"
 )
 
 

@@ -6,8 +6,8 @@ what else a person should know of the result.
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -16,13 +16,18 @@ from scipy.optimize import OptimizeResult
 
 from silmesh.cameras.attempt import CHECK_SERIES, Attempt
 from silmesh.cameras.consensus import Consensus
+from silmesh.cameras.rounds import (
+    Signs,
+    describe_short,
+    find_given,
+    read_signs,
+)
 from silmesh.cameras.silhouette_coherence import Misses, distance_between, trace
+from silmesh.cameras.trying_rounds import Found, fit_any, fit_split
 from silmesh.cameras.turntable_fit import (
     FEWEST_AGREEING,
     SUSPECT,
     Given,
-    TurntableFit,
-    fit_most,
     free_parameters,
     root_mean_square,
 )
@@ -31,14 +36,18 @@ from silmesh.cameras.turntable_residuals import (
     INDEPENDENT,
     NAMES,
     NOISE,
+    PHASE,
     STEP,
     VIEW,
     Turntable,
+    part_of,
+    place_of,
 )
 from silmesh.errors import NAMED, InputError, name_some
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.frame import whole_frames
 from silmesh.progress import Share, untold
+from silmesh.settings.turntable import Turntable as Known
 from silmesh.views import View
 
 FEWEST_VIEWS = 3  # silhouettes without which no turntable is looked for
@@ -61,6 +70,7 @@ REFUSED = 4.0  # pixels, as SUSPECT: root mean square residual from which a turn
 # Share of the views with a silhouette that have to agree on a turntable, beside FEWEST_AGREEING.
 SHARE = 0.55
 FULL = "it fills its photograph"
+TURNED = 5.0  # degrees: phases that differ by less are the same
 
 
 @dataclass(frozen=True)
@@ -76,6 +86,20 @@ class Estimate:
     value: float
     sd: float
     status: str
+
+
+@dataclass(frozen=True)
+class Round:
+    """A round of several.
+
+    Attributes:
+        views: in the order of the turn
+        estimates: ``elevation``, ``step``, and ``phase``: the turn of its first view against the
+            first view of the first round
+    """
+
+    views: tuple[str, ...]
+    estimates: dict[str, Estimate]
 
 
 @dataclass(frozen=True)
@@ -98,6 +122,8 @@ class Calibration:
             much, in words
         offsets: [views] degrees by which each view's angle differs from even steps
         warnings: what a person should know, in sentences
+        rounds: what was found of each round, if there are several
+        rounds_because: what tells them apart
     """
 
     cameras: Cameras
@@ -110,6 +136,8 @@ class Calibration:
     disagreeing: dict[str, str]
     offsets: np.ndarray
     warnings: tuple[str, ...]
+    rounds: tuple[Round, ...] = ()
+    rounds_because: str = ""
 
 
 def calibrate(
@@ -121,9 +149,13 @@ def calibrate(
     above_table: bool = True,
     aspect: float = 1.0,
     frames: np.ndarray | None = None,
+    rounds: Sequence[Known] = (),
+    signs: Callable[[], Signs | None] = lambda: None,
     progress: Share = untold,
 ) -> Calibration:
     """Find the cameras of a turntable.
+
+    If no turn of one round explains all silhouettes, rounds are tried that the photographs show.
 
     Args:
         silhouettes: [views, size, size] bool, in the order in which the views were taken; an empty
@@ -138,28 +170,36 @@ def calibrate(
         aspect: height over width of a square's image, for photographs that were stretched
         frames: [views, 4] left, top, right and bottom of the photographs within the images: beyond
             them nothing is known; the whole images if not given
+        rounds: what is known of each round, if there are several: in place of ``step``,
+            ``elevation`` and ``distance``
+        signs: gives what the photographs say of rounds beside their silhouettes
         progress: is told which share is done
 
     Raises:
         InputError: fewer than 3 views have a silhouette, or no turntable explains most of them
     """
     shown, full = _find_shown(silhouettes, views, frames)
+    split = find_given(rounds, silhouettes, signs()) if len(rounds) > 1 else None
     samples = int(np.clip(POINTS // len(views), FEWEST_SAMPLES, MOST_SAMPLES))
     named = [views[i] for i in shown]
     outlines = trace(silhouettes[shown], samples, named, None if frames is None else frames[shown])
-    turn = Turntable(outlines, silhouettes.shape[1], aspect, distance, shown)
+    far = rounds[0].distance if split else distance
+    turn = Turntable(outlines, silhouettes.shape[1], aspect, far, shown)
     given = Given(len(views), step, elevation, above_table)
     repeated = _find_repeated(silhouettes[shown], named)
     fewest = max(SHARE * (len(shown) + len(full)), FEWEST_AGREEING)
-    fit, verdict = fit_most(turn, given, fewest, progress)
+    if split:
+        found = fit_split(turn, split, rounds, silhouettes, above_table, fewest, True, progress)
+    else:
+        found = fit_any(turn, given, silhouettes, signs, fewest, progress)
     progress(1)
-    if fit.turn is turn:
-        _refuse_incoherent(fit, verdict, repeated)
-        verdict = None
+    if found.is_of_all:
+        _refuse_incoherent(found, repeated, signs)
+    verdict = None if found.is_of_all else found.verdict
     disagreeing = {views[i]: FULL for i in full} | _name_disagreeing(verdict, named)
     said = [*repeated, *_warn_of_disagreement(disagreeing, views), *_find_cut(turn, named)]
     pixels = {} if verdict is None else dict(zip(shown, verdict.pixels, strict=True))
-    return _report(fit, given, views, pixels, disagreeing, said)
+    return _report(found, views, pixels, disagreeing, said)
 
 
 def calibrate_views(
@@ -178,6 +218,7 @@ def calibrate_views(
         [view.view for view in views],
         aspect=float(scale[1, 1] / scale[0, 0]),
         frames=np.array([view.frame for view in views]),
+        signs=lambda: read_signs(views),
         **known,
     )
 
@@ -202,6 +243,9 @@ def attempt_calibration(
         "view_rms": dict(zip(found.cameras.views, found.view_rms.tolist(), strict=True)),
         "offsets": dict(zip(found.cameras.views, found.offsets.tolist(), strict=True)),
     }
+    if found.rounds:
+        figures["rounds_because"] = found.rounds_because
+        figures["rounds"] = [asdict(one) for one in found.rounds]
     return Attempt("calibrate", found.cameras, warnings=found.warnings, figures=figures)
 
 
@@ -275,11 +319,16 @@ def _warn_of_disagreement(disagreeing: dict[str, str], views: Sequence[str]) -> 
     ]
 
 
-def _refuse_incoherent(fit: TurntableFit, verdict: Consensus | None, said: Sequence[str]) -> None:
+def _refuse_incoherent(
+    found: Found, said: Sequence[str], signs: Callable[[], Signs | None]
+) -> None:
     """Refuse a fit of all views whose residuals are too large."""
+    fit, verdict = found.fit, found.verdict
     allowed = REFUSED * fit.turn.size / 256
     if fit.rms <= allowed:
         return
+    told = signs()
+    said = [*said, *_say_tried(found), *(describe_short(told) if told else [])]
     most = ""
     if verdict:
         most = (
@@ -292,20 +341,30 @@ def _refuse_incoherent(fit: TurntableFit, verdict: Consensus | None, said: Seque
     )
 
 
+def _say_tried(found: Found) -> list[str]:
+    """Into which rounds the photographs were divided, if they were."""
+    if found.split is None:
+        return []
+    sizes = " and ".join(str(len(views)) for views in found.split.rounds)
+    return [f"they were taken to be rounds of {sizes}, told {found.split.because}"]
+
+
 def _report(
-    fit: TurntableFit,
-    given: Given,
+    found: Found,
     views: Sequence[str],
     pixels: dict[int, float],
     disagreeing: dict[str, str],
     said: Sequence[str],
 ) -> Calibration:
     """What was found; ``pixels`` says by how much views disagree, if that had to be asked."""
+    fit, given = found.fit, found.given
     turn, best, misses, count = fit.turn, fit.best, fit.misses, len(views)
     *camera, own = turn.cameras_at(best.x, count)
     alike = distance_between(turn.outlines) < ALIKE
     free = free_parameters(turn, given.known, offsets=bool(own.any()))
-    estimates = _estimate(turn, best, misses, given.known, free, alike)
+    sd = _find_deviations(turn, best, misses, given.known, free, alike)
+    estimates = _estimate(best.x, sd, given.known)
+    rounds = _describe_rounds(turn, best.x, sd, given.known, views)
     view_rms = np.zeros(count)
     view_rms[list(pixels)] = list(pixels.values())
     view_rms[turn.index] = [
@@ -315,27 +374,30 @@ def _report(
     K, R, t = map(torch.as_tensor, camera)
     cameras = Cameras(tuple(views), torch.full((count, 2), turn.size), K.repeat(count, 1, 1), R, t)
     certain = not alike and all(x[STEP] * best.x[STEP] > 0 for x in fit.rivals)
+    because = found.split.because if found.split else ""
     warnings = [
+        *_say_rounds(rounds, because),
         *said,
         *([LATHE] if alike else _warn_of_estimates(estimates)),
         *([] if alike else _warn_of_rivals(estimates, fit.rivals, certain, fit.mirror)),
+        *_warn_of_phases(turn, best.x, fit.rivals),
         *_warn_of_misses(turn, fit.rms, view_rms, views),
     ]
     return Calibration(
         cameras, estimates, turn.row, certain, fit.mirror, fit.rms, view_rms, disagreeing, own,
-        tuple(warnings),
+        tuple(warnings), rounds, because,
     )  # fmt: skip
 
 
-def _estimate(
+def _find_deviations(
     turn: Turntable,
     fit: OptimizeResult,
     misses: Misses,
     known: Sequence[int],
     free: np.ndarray,
     alike: bool,
-) -> dict[str, Estimate]:
-    """The parameters with their standard deviations, from the residuals' derivatives at the fit.
+) -> np.ndarray:
+    """Standard deviations of the parameters, from the residuals' derivatives at the fit.
 
     If all silhouettes look the same, they fix the axis and the roll only. Elevation, half angle
     and step then get the standard deviations of their priors.
@@ -343,7 +405,7 @@ def _estimate(
     noise = max(NOISE, root_mean_square(misses.pixels[turn.outlines.known]))
     turn = turn.sparse()
     slopes = turn.slopes(fit.x, turn.misses(fit.x))
-    slopes[..., : len(NAMES)] = turn.secants(fit.x)
+    slopes[..., : turn.shared] = turn.secants(fit.x)
     data = slopes.reshape(-1, len(fit.x))[:, free]
     _, prior_sd = turn.prior()
     weight = INDEPENDENT / turn.outlines.known.shape[1] / noise**2
@@ -355,7 +417,12 @@ def _estimate(
         sd[unknown] = np.where(
             np.isfinite(prior_sd[unknown]), prior_sd[unknown], np.abs(fit.x[unknown])
         )
-    values = fit.x[: len(NAMES)].copy()
+    return sd
+
+
+def _estimate(x: np.ndarray, sd: np.ndarray, known: Sequence[int]) -> dict[str, Estimate]:
+    """The parameters of ``NAMES`` with their standard deviations."""
+    values, sd = x[: len(NAMES)].copy(), sd.copy()
     values[VIEW] = math.degrees(math.atan(math.exp(values[VIEW])))
     status = ["found" if s <= most else "open" for s, most in zip(sd, FIXED, strict=False)]
     sd[VIEW] *= math.degrees(math.sin(2 * math.radians(values[VIEW])) / 2)  # d angle / d log tan
@@ -363,6 +430,65 @@ def _estimate(
         name: Estimate(float(values[i]), float(sd[i]), "given" if i in known else status[i])
         for i, name in enumerate(NAMES)
     }
+
+
+def _describe_rounds(
+    turn: Turntable,
+    x: np.ndarray,
+    sd: np.ndarray,
+    known: Sequence[int],
+    views: Sequence[str],
+) -> tuple[Round, ...]:
+    """What was found of each round, if there are several."""
+
+    def estimate(place: int, most: float) -> Estimate:
+        status = "found" if sd[place] <= most else "open"
+        value = float(x[place])
+        return Estimate(value, float(sd[place]), "given" if place in known else status)
+
+    found = []
+    for number, positions in enumerate(turn.rounds):
+        estimates = {
+            "elevation": estimate(place_of(ELEVATION, number), FIXED[ELEVATION]),
+            "step": estimate(place_of(STEP, number), FIXED[STEP]),
+            "phase": Estimate(0.0, 0.0, "given"),
+        }
+        if number:
+            phase = estimate(part_of(number).start + PHASE, FIXED[ELEVATION])
+            estimates["phase"] = replace(phase, value=phase.value % 360)
+        found.append(Round(tuple(views[i] for i in positions), estimates))
+    return tuple(found)
+
+
+def _say_rounds(rounds: Sequence[Round], because: str) -> list[str]:
+    """A sentence that names the rounds, if there are several."""
+    if not rounds:
+        return []
+    said = "; ".join(
+        f"{one.views[0]!r} to {one.views[-1]!r} ({len(one.views)} views, from "
+        f"{one.estimates['elevation'].value:.1f} degrees)"
+        for one in rounds
+    )
+    return [f"the photographs are taken to be {len(rounds)} rounds, told {because}: {said}"]
+
+
+def _warn_of_phases(turn: Turntable, x: np.ndarray, rivals: Sequence[np.ndarray]) -> list[str]:
+    """A sentence that names rounds that may be turned otherwise against the first."""
+    said = []
+    for number in range(1, len(turn.rounds)):
+        place = part_of(number).start + PHASE
+        others = {
+            round(float(rival[place] % 360))
+            for rival in rivals
+            if abs((rival[place] - x[place] + 180) % 360 - 180) > TURNED
+        }
+        if others:
+            listed = ", ".join(map(str, sorted(others)))
+            said.append(
+                f"round {number + 1} begins {x[place] % 360:.0f} degrees after the first one, but "
+                f"{listed} explain the silhouettes as well"
+            )
+    return said
 
 
 def _warn_of_estimates(estimates: dict[str, Estimate]) -> list[str]:

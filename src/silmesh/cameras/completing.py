@@ -46,11 +46,13 @@ class Whole:
     Attributes:
         model: with the most views
         changed: it is not the largest of the mapper's own models
+        apart: what does not fit it
         report: with ``models``, ``joined``, ``tried_again``, ``placed_again`` and ``closest``
     """
 
     model: pycolmap.Reconstruction
     changed: bool
+    apart: Sequence[pycolmap.Reconstruction]
     report: Report
 
 
@@ -90,7 +92,7 @@ def complete(
                 found, tried = rival, rival.model
     changed = tried.num_reg_images() > largest.num_reg_images()
     report = _describe(again / DATABASE, before, found, tried, pairs, largest)
-    return Whole(tried if changed else largest, changed, report)
+    return Whole(tried if changed else largest, changed, found.apart, report)
 
 
 def _size(model: pycolmap.Reconstruction) -> tuple[int, int]:

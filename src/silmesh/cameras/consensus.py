@@ -23,7 +23,7 @@ from itertools import pairwise
 import numpy as np
 
 from silmesh.cameras.silhouette_coherence import Outlines
-from silmesh.cameras.turntable_residuals import NAMES, Turntable
+from silmesh.cameras.turntable_residuals import Turntable
 
 FEWEST = 6  # views; of fewer none can be told to be wrong
 HALF = 0.55  # of the views: those nearest to a geometry, by which it is judged and found anew
@@ -86,9 +86,26 @@ def find_consensus(
             best = found
         if best.spread <= TIGHT:
             break
-    if best.agrees.sum() < FEWEST:
-        return best
-    return _prune(turn, _refit(turn, best, np.flatnonzero(best.agrees), free, limit), limit)
+    return _settle(turn, best, free, limit)
+
+
+def agree_on(
+    turn: Turntable, x: np.ndarray, believed: np.ndarray, free: np.ndarray, limit: float
+) -> Consensus:
+    """What most views agree on, from parameters that some of them gave.
+
+    Args:
+        believed: positions of the views that gave them
+        free, limit: as ``find_consensus`` takes them
+    """
+    return _settle(turn, _optimise(turn, x, believed, free, limit), free, limit)
+
+
+def _settle(turn: Turntable, found: Consensus, free: np.ndarray, limit: float) -> Consensus:
+    """What all that agree say, without those that do not agree with all the others."""
+    if found.agrees.sum() < FEWEST:
+        return found
+    return _prune(turn, _refit(turn, found, np.flatnonzero(found.agrees), free, limit), limit)
 
 
 def judge(
@@ -103,7 +120,7 @@ def judge(
         trusting: whether all that agree so far are heard; otherwise the worst of what one in
             ``WRONG`` of them says is not
     """
-    x, judges = x[: len(NAMES)], thin_out(agreeing, JUDGES)
+    x, judges = x[: turn.shared], thin_out(agreeing, JUDGES)
     unheard = 0 if trusting else len(judges) // WRONG
     pixels = [_disagreement(turn, x, view, judges, unheard) for view in range(len(turn.index))]
     least = TRUSTING if trusting else LEAST
@@ -165,8 +182,7 @@ def _refit(
     turn: Turntable, found: Consensus, views: np.ndarray, free: np.ndarray, limit: float
 ) -> Consensus:
     part = turn.select(views).thin()
-    start = np.concatenate([found.x, np.zeros(len(part.index))])
-    return judge(turn, part.fit(start, free, STEPS).x, views, limit)
+    return judge(turn, part.fit(part.widen(found.x), free, STEPS).x, views, limit)
 
 
 def _prune(turn: Turntable, found: Consensus, limit: float) -> Consensus:
@@ -188,7 +204,7 @@ def _disagreement(
     others = judges[judges != view]
     every = max(1, turn.outlines.known.shape[1] // RAYS)
     part = turn.select(np.concatenate([[view], others]), every)
-    misses = part.misses(np.concatenate([x, np.zeros(len(part.index))]))
+    misses = part.misses(part.widen(x))
     squares = misses.pixels**2
     own = np.array([squares[0, misses.view[0] == j + 1].sum() for j in range(len(others))])
     denied = np.where(misses.view[1:] == 0, squares[1:], 0).mean(axis=1)

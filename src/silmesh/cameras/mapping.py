@@ -1,16 +1,19 @@
 """From matches to cameras and points: the models of COLMAP's mappers, made one where they fit."""
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from itertools import count
 from pathlib import Path
+
+import PIL.Image  # noqa: F401, before pycolmap, or saving a PNG crashes
+import pycolmap
 
 from silmesh.cameras.attempt import TRY_CALIBRATE
 from silmesh.cameras.completing import complete
 from silmesh.cameras.features import quieten
 from silmesh.cameras.mappers import MAPPERS
 from silmesh.cameras.matching import linked
-from silmesh.cameras.stages import LARGEST, MODEL, Report
+from silmesh.cameras.stages import APART, LARGEST, MODEL, Report
 from silmesh.errors import InputError
 from silmesh.progress import Share, untold
 from silmesh.settings.cameras import Reconstruction
@@ -26,7 +29,8 @@ def map_views(
     """Find cameras and points, and write the model with the most views to ``<folder>/model/``.
 
     If that lacks views, what ``complete`` makes of all models is written there, and the model that
-    it began from to ``<folder>/largest/``.
+    it began from to ``<folder>/largest/``. Models of other views that do not fit it, as where the
+    object was turned over, are written to ``<folder>/apart/<number>/``.
 
     Args:
         database: of the matches
@@ -53,11 +57,19 @@ def map_views(
             (folder / LARGEST).mkdir()
             best.write(folder / LARGEST)
             best = whole.model
+        _write_apart(whole.apart, folder / APART)
     (folder / MODEL).mkdir()
     best.write(folder / MODEL)
     shutil.rmtree(scratch)
     progress(1)
     return report
+
+
+def _write_apart(models: Sequence[pycolmap.Reconstruction], folder: Path) -> None:
+    """Write models into folders with numbers for names, the one with the most views first."""
+    for n, model in enumerate(sorted(models, key=lambda m: -m.num_reg_images())):
+        (folder / f"{n}").mkdir(parents=True)
+        model.write(folder / f"{n}")
 
 
 def _count_to(views: int, progress: Share) -> Callable[[], None]:

@@ -143,20 +143,20 @@ class Pose:
         P: [views, 3, 4] projections to pixels
         centres: [views, 3]
         rays: [views, samples, 3], directions through the outlines' points, of unit depth
-        middle: depth of the object's middle in all cameras
+        middle: [views], depth of the object's middle in each camera
     """
 
     P: np.ndarray
     centres: np.ndarray
     rays: np.ndarray
-    middle: float
+    middle: np.ndarray
 
 
 def make_pose(K: np.ndarray, R: np.ndarray, t: np.ndarray, points: np.ndarray) -> Pose:
     """Prepare cameras with K [3, 3] of all, R [views, 3, 3], t [views, 3] and outline points."""
     P = K @ np.concatenate([R, t[:, :, None]], axis=2)
     rays = np.concatenate([points, np.ones_like(points[..., :1])], axis=2) @ np.linalg.inv(K).T
-    return Pose(P, -np.einsum("vji,vj->vi", R, t), rays @ R, float(t[0, 2]))
+    return Pose(P, -np.einsum("vji,vj->vi", R, t), rays @ R, np.ascontiguousarray(t[:, 2]))
 
 
 @dataclass(frozen=True)
@@ -281,7 +281,7 @@ def _follow(
                     offset = base - step
                 else:
                     offset = base + step
-                along = middle + offset
+                along = middle[v] + offset
                 least, least_view = _find_least(
                     distances, cut, far, P, order, v,
                     centres[v, 0] + along * rays[v, s, 0],
@@ -301,7 +301,7 @@ def _measure(distances, far, P, centres, rays, middle, depth, view, at):
             j = view[v, s]
             if j < 0:
                 continue
-            along = middle + depth[v, s]
+            along = middle[v] + depth[v, s]
             x = centres[v, 0] + along * rays[v, s, 0]
             y = centres[v, 1] + along * rays[v, s, 1]
             z = centres[v, 2] + along * rays[v, s, 2]

@@ -16,6 +16,7 @@ from silmesh.files import making
 
 DATABASE, MODEL = "database.db", "model"
 LARGEST = "largest"  # the model that the mapper found, where another was made of it
+APART = "apart"  # models of other views that share too little with it to be joined, by numbers
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ then miss each other by much, some silhouettes may be wrong: the views that agre
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,13 @@ from scipy.optimize import OptimizeResult
 
 from silmesh.cameras.consensus import Consensus, find_consensus, judge
 from silmesh.cameras.silhouette_coherence import Misses
-from silmesh.cameras.turntable_residuals import ELEVATION, NAMES, NOISE, STEP, Turntable, mirrored
+from silmesh.cameras.turntable_residuals import (
+    ELEVATION,
+    NOISE,
+    STEP,
+    Turntable,
+    place_of,
+)
 from silmesh.progress import Share, untold, within
 
 # Elevation and half angle of view, in degrees, from which the search starts.
@@ -51,18 +57,28 @@ class Given:
     Attributes:
         count: how many views there are, with an outline or without
         step, elevation, above_table: as ``silmesh.cameras.calibrate.calibrate`` takes them
+        later: the same of the rounds after the first
     """
 
     count: int
     step: float | None
     elevation: float | None
     above_table: bool
+    later: "tuple[Given, ...]" = ()
 
     @property
     def known(self) -> list[int]:
         """Positions of the parameters that are given."""
-        both = (ELEVATION, self.elevation), (STEP, self.step)
-        return [i for i, value in both if value is not None]
+        found = []
+        for number, one in enumerate((self, *self.later)):
+            both = (ELEVATION, one.elevation), (STEP, one.step)
+            found += [place_of(name, number) for name, value in both if value is not None]
+        return found
+
+    @property
+    def side_known(self) -> bool:
+        """Whether an elevation says on which side of the table the camera stood."""
+        return any(one.elevation is not None for one in (self, *self.later))
 
 
 @dataclass(frozen=True)
@@ -90,25 +106,33 @@ class TurntableFit:
 
 
 def fit_most(
-    turn: Turntable, given: Given, fewest: float, progress: Share
+    turn: Turntable,
+    given: Given,
+    fewest: float,
+    progress: Share,
+    otherwise: Callable[[], tuple[TurntableFit, Consensus | None] | None] = lambda: None,
 ) -> tuple[TurntableFit, Consensus | None]:
     """Fit all views or, if these contradict each other, those that agree.
 
     Args:
         fewest: views that have to agree
+        otherwise: is asked, where some views contradict others, for a fit of another kind, which
+            is taken if there is one
     Returns:
         the fit, and how far the views agree if that had to be asked
     """
     suspect, allowed = (limit * turn.size / 256 for limit in (SUSPECT, REFUSED_AGREEING))
-    starts = _search(turn, given, within(progress, 0, SEARCHED))
+    starts = search(turn, given, within(progress, 0, SEARCHED))
     thin = turn.thin()
-    cost = thin.cost(np.r_[starts[0][: len(NAMES)], np.zeros(len(thin.index))])
-    fit = _solve(turn, starts, given, progress) if cost <= HOPELESS * suspect else None
+    cost = thin.cost(thin.widen(starts[0]))
+    fit = solve(turn, starts, given, progress) if cost <= HOPELESS * suspect else None
     if len(turn.index) < FEWEST_AGREEING or (fit and fit.rms <= suspect):
-        return fit or _solve(turn, starts, given, progress), None
+        return fit or solve(turn, starts, given, progress), None
+    if other := otherwise():
+        return other
     verdict = find_consensus(
         turn,
-        lambda sample: _search(sample, given)[0][: len(NAMES)],
+        lambda sample: search(sample, given)[0][: sample.shared],
         free_parameters(turn, given.known),
         allowed,
         np.random.default_rng(0),
@@ -116,22 +140,22 @@ def fit_most(
     if verdict.agrees.sum() >= fewest and not verdict.agrees.all():
         agreeing = np.flatnonzero(verdict.agrees)
         part = turn.alone(agreeing)
-        apart = _solve(part, _search(part, given), given)
+        apart = solve(part, search(part, given), given)
         if apart.rms <= (min(allowed, BETTER_FIT * fit.rms) if fit else allowed):
             whole = part.of(turn.outlines, turn.index)
             strict = judge(whole, apart.best.x, agreeing, allowed, trusting=True)
             if strict.agrees.sum() >= fewest:
                 return apart, strict
-    return fit or _solve(turn, starts, given, progress), verdict
+    return fit or solve(turn, starts, given, progress), verdict
 
 
-def _solve(
+def solve(
     turn: Turntable, starts: Sequence[np.ndarray], given: Given, progress: Share = untold
 ) -> TurntableFit:
     """Refine starts on all views, and tell apart what fits as well."""
     free = free_parameters(turn, given.known)
     fits, mirror = _refine(turn, starts, free, within(progress, SEARCHED, REFINED)), "elevation"
-    if given.elevation is None:
+    if not given.side_known:
         fits, mirror = _resolve_mirror(turn, fits, free, given.above_table)
     progress(RESOLVED)
     best = _fit_offsets(turn, fits[0], given.known)
@@ -140,11 +164,11 @@ def _solve(
 
 def free_parameters(turn: Turntable, known: Sequence[int], offsets: bool = False) -> np.ndarray:
     """Positions of the parameters that a fit may change."""
-    free = [i for i in range(len(NAMES)) if i not in known]
-    return np.array(free + [len(NAMES) + i for i in range(len(turn.index)) if offsets])
+    free = [i for i in range(turn.shared) if i not in known]
+    return np.array(free + [turn.shared + i for i in range(len(turn.index)) if offsets])
 
 
-def _search(turn: Turntable, given: Given, progress: Share = untold) -> list[np.ndarray]:
+def search(turn: Turntable, given: Given, progress: Share = untold) -> list[np.ndarray]:
     """Find starts to refine, on fewer views and points: [parameters] each.
 
     The best start is kept of each combination of rotation direction, side of the table and arc,
@@ -165,8 +189,7 @@ def _search(turn: Turntable, given: Given, progress: Share = untold) -> list[np.
         progress(len(found) / len(ways))
     found.sort(key=lambda pair: pair[0])
     most = RIVAL * found[0][0] + NOISE**2
-    best = [x[: len(NAMES)] for cost, x in found[:RIVALS] if cost < most]
-    return [np.concatenate([x, np.zeros(len(turn.index))]) for x in best]
+    return [turn.widen(x) for cost, x in found[:RIVALS] if cost < most]
 
 
 def _refine(
@@ -192,15 +215,14 @@ def _resolve_mirror(
         the fits, the mirrored one first if it is clearly better, and what decided
     """
     best, thin = fits[0], turn.thin()
-    part = free[free < len(NAMES)]
+    part = free[free < turn.shared]
 
     def refine(x: np.ndarray) -> np.ndarray:
-        start = np.concatenate([x[: len(NAMES)], np.zeros(len(thin.index))])
-        return thin.fit(start, part, COARSE_STEPS).x
+        return thin.fit(thin.widen(x), part, COARSE_STEPS).x
 
-    cost, other = (thin.cost(refine(x)) for x in (best.x, mirrored(best.x)))
+    cost, other = (thin.cost(refine(x)) for x in (best.x, turn.mirrored(best.x)))
     if other < cost:
-        twin = turn.fit(mirrored(best.x), free, FINE_STEPS)
+        twin = turn.fit(turn.mirrored(best.x), free, FINE_STEPS)
         cost, other = turn.cost(best.x), turn.cost(twin.x)
         if turn.excess(other, cost) > CLEAR:
             return [twin, *fits], "perspective"
@@ -223,7 +245,7 @@ def _fit_offsets(turn: Turntable, fit: OptimizeResult, known: Sequence[int]) -> 
     """
     count = turn.outlines.known.shape[1]
     fold = np.arange(count) * FOLDS // count % 2 == 0
-    own = len(NAMES) + np.arange(len(turn.index))
+    own = turn.shared + np.arange(len(turn.index))
     gains = []
     for fitted, held_out in (
         (turn.only(fold), turn.only(~fold)),

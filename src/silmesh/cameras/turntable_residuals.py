@@ -9,9 +9,15 @@ that turns about its axis y. Silhouettes do not show scale, so the scale is fixe
 spans WIDTH at the axis. The half angle of view gives the strength of the perspective, since the
 camera's distance is WIDTH / 2 / tan(half angle). Each parameter has a weak prior, which weighs as
 much as one measurement and decides only what the silhouettes leave open.
+
+Several rounds of one object share the camera's intrinsics and the axis of the world. Before each
+round but the first the camera may have been moved, so each has an elevation, a roll, an axis and a
+row of its own, a distance (as a factor of the first round's), a step, and a phase: the turn of its
+first view against that of the first round.
 """
 
 import math
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import replace
 
@@ -40,6 +46,11 @@ INDEPENDENT = 3
 # Positions of the shared parameters in a vector; the offsets of the single views come after them.
 ELEVATION, ROLL, AXIS, VIEW, STEP = range(5)
 NAMES = ("elevation", "roll", "axis", "half_angle", "step")
+# What each round after the first has of its own, in this order, after what NAMES lists.
+ROUND = ("elevation", "roll", "axis", "row", "distance", "phase", "step")
+# Where what the first round has too stands among NAMES, and in ROUND.
+OF_FIRST, OF_ROUND = [ELEVATION, ROLL, AXIS, STEP], [0, 1, 2, 6]
+ROW, FARTHER, PHASE = 3, 4, 5  # within ROUND; the distance is the logarithm of the factor
 # Standard deviations and means of the priors, in the order of NAMES and in the units of the
 # parameters: degrees, pixels for the axis, and the logarithm of its tangent for the half angle.
 PRIOR_SD = np.array([20.0, 3.0, np.inf, 1.0, np.inf])
@@ -52,21 +63,33 @@ NUDGE = np.array([0.05, 0.05, 0.1, 0.02, 0.005])
 # Changes that are large enough to show in the silhouettes, for the secants that give the standard
 # deviations. The change of the step is that over the whole turn.
 PROBE = np.array([2.0, 0.7, 1.0, 0.3, 1.5])
+# The same of a round's own parameters, in the order of ROUND. Axis and row are expected in the
+# middle of the round's silhouettes, with a deviation of a tenth of the image's side.
+ROUND_SD = np.array([30.0, 3.0, np.inf, np.inf, 0.3, np.inf, np.inf])
+ROUND_PRIOR = np.array([20.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+ROUND_SPREAD = np.array([3.0, 1.0, 3.0, 3.0, 0.1, 3.0, 0.1])
+ROUND_NUDGE = np.array([0.05, 0.05, 0.1, 0.1, 0.002, 0.05, 0.005])
+ROUND_PROBE = np.array([2.0, 0.7, 1.0, 1.0, 0.05, 1.5, 1.5])
 
 
 class Turntable:
     """The residuals of silhouettes, as functions of all parameters of the turntable.
 
     The parameters x are, in degrees but for two: elevation, roll, axis (pixels), logarithm of the
-    half angle's tangent, step, and [views] offsets of the views from even steps.
+    half angle's tangent, step; those of ``ROUND`` of each round after the first (axis and row in
+    pixels, distance the logarithm of a factor); and [views] offsets of the views from even steps.
 
     Args:
         outlines: of the silhouettes
         size: of their square images
         aspect: height over width of a square's image
         distance: of the camera from the axis in sizes of the object, if it is known roughly
-        index: [views] position of each view in the turn, in steps from the first view; 0, 1, 2, ...
-            if not given
+        index: [views] position of each view among all photographs; 0, 1, 2, ... if not given
+        rounds: positions of the photographs of each round, in the order of its turn; one round of
+            all if not given
+
+    Attributes:
+        shared: how many parameters come before the offsets
     """
 
     def __init__(
@@ -76,17 +99,27 @@ class Turntable:
         aspect: float = 1.0,
         distance: float | None = None,
         index: np.ndarray | None = None,
+        rounds: Sequence[np.ndarray] = (),
     ):
         self.outlines = outlines
         self.size = size
         self.aspect = aspect
         self.distance = distance
         self.index = np.arange(len(outlines.points)) if index is None else index
+        self.rounds = tuple(rounds) if len(rounds) > 1 else ()
+        self.shared = len(NAMES) + len(ROUND) * max(len(self.rounds) - 1, 0)
         low, high = outlines.points.min(axis=1), outlines.points.max(axis=1)  # [views, 2]
-        self.column, self.row = ((low + high) / 2).mean(axis=0)
-        from_middle = (outlines.points - [self.column, self.row]) / [1, aspect]
-        self.reach = np.linalg.norm(from_middle, axis=2).max()  # pixels
+        middles = (low + high) / 2
+        of = [np.isin(self.index, turn) for turn in self.rounds or [self.index]]
+        self.middles = [middles[views].mean(axis=0) for views in of]  # column and row, a round each
+        self.column, self.row = self.middles[0]
+        self.reach = max(map(self._reach, of, self.middles))  # pixels
         self.radius = 1.2 * self.reach * WIDTH / size  # about the object's middle, with a margin
+
+    def _reach(self, views: np.ndarray, middle: np.ndarray) -> float:
+        """Pixels from the middle of some views to their farthest point."""
+        from_middle = (self.outlines.points[views] - middle) / [1, self.aspect]
+        return np.linalg.norm(from_middle, axis=2).max()
 
     def select(self, views: np.ndarray, every: int = 1) -> "Turntable":
         """The same on these views, and every so many-th of their points."""
@@ -95,6 +128,21 @@ class Turntable:
     def alone(self, views: np.ndarray) -> "Turntable":
         """A turntable whose silhouettes are those of these views alone."""
         outlines, index = self.outlines.select(views), self.index[views]
+        return Turntable(outlines, self.size, self.aspect, self.distance, index, self.rounds)
+
+    def in_rounds(self, rounds: Sequence[np.ndarray]) -> "Turntable":
+        """The same silhouettes, taken in these rounds; views of no round are left out."""
+        views = np.flatnonzero(np.isin(self.index, np.concatenate(rounds)))
+        outlines, index = self.outlines.select(views), self.index[views]
+        return Turntable(outlines, self.size, self.aspect, self.distance, index, rounds)
+
+    def round_alone(self, number: int) -> "Turntable":
+        """A round as a turntable of its own; its views have their positions in it."""
+        turn = self.rounds[number]
+        views = np.flatnonzero(np.isin(self.index, turn))
+        place = {position: step for step, position in enumerate(turn)}
+        index = np.array([place[position] for position in self.index[views]])
+        outlines = self.outlines.select(views)
         return Turntable(outlines, self.size, self.aspect, self.distance, index)
 
     def thin(self) -> "Turntable":
@@ -124,9 +172,9 @@ class Turntable:
             [positions], 0 without a silhouette
         """
         offsets = np.zeros(positions)
-        offsets[self.index] = x[len(NAMES) :]
+        offsets[self.index] = x[self.shared :]
         whole = self.of(self.outlines, np.arange(positions))
-        return *whole.camera(np.r_[x[: len(NAMES)], offsets]), offsets
+        return *whole.camera(np.r_[x[: self.shared], offsets]), offsets
 
     def of(self, outlines: Outlines, index: np.ndarray) -> "Turntable":
         """The same turntable with other outlines: their parameters mean the same."""
@@ -134,26 +182,43 @@ class Turntable:
         part.outlines, part.index = outlines, index
         return part
 
+    def widen(self, shared: np.ndarray) -> np.ndarray:
+        """Parameters with no offsets: those that are shared, as these or as a longer vector has."""
+        return np.concatenate([shared[: self.shared], np.zeros(len(self.index))])
+
     def start(self, elevation: float, half_angle: float, step: float) -> np.ndarray:
-        """Parameters to start a fit from, with the axis in the middle of the silhouettes."""
+        """Parameters of one round to start from, the axis in the middle of the silhouettes."""
         log_tan = math.log(math.tan(math.radians(half_angle)))
         return np.array([elevation, 0, self.column, log_tan, step] + [0] * len(self.index))
 
+    def parameters_of(self, x: np.ndarray, number: int) -> np.ndarray:
+        """The parameters of a round, in the order of ``ROUND``."""
+        if number:
+            return x[part_of(number)]
+        first = np.zeros(len(ROUND))
+        first[OF_ROUND], first[ROW] = x[OF_FIRST], self.row
+        return first
+
     def rotations(self, x: np.ndarray) -> np.ndarray:
         """The rotations from the world to each camera: [views, 3, 3]."""
-        e, roll = np.radians(x[[ELEVATION, ROLL]])
-        a = np.radians(x[STEP] * self.index + x[STEP + 1 :])
-        tilt = np.array(
-            [[1, 0, 0], [0, -math.cos(e), math.sin(e)], [0, -math.sin(e), -math.cos(e)]]
-        )
-        lean = np.array(
-            [[math.cos(roll), -math.sin(roll), 0], [math.sin(roll), math.cos(roll), 0], [0, 0, 1]]
-        )
-        turn = np.zeros((len(a), 3, 3))
-        turn[:, 0, 0], turn[:, 0, 2] = np.cos(a), -np.sin(a)
-        turn[:, 2, 0], turn[:, 2, 2] = np.sin(a), np.cos(a)
-        turn[:, 1, 1] = 1
-        return lean @ tilt @ turn
+        offsets = x[self.shared :]
+        if not self.rounds:
+            return rotate(x[ELEVATION], x[ROLL], x[STEP] * self.index + offsets)
+        R = np.zeros((len(self.index), 3, 3))
+        for number, (views, steps) in enumerate(self._places()):
+            own = self.parameters_of(x, number)
+            angles = own[PHASE] + own[-1] * steps + offsets[views]
+            R[views] = rotate(own[0], own[1], angles)
+        return R
+
+    def _places(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """The views of each round, and how many steps each is from its first."""
+        found = []
+        for turn in self.rounds:
+            views = np.flatnonzero(np.isin(self.index, turn))
+            order = np.argsort(turn)
+            found.append((views, order[np.searchsorted(turn, self.index[views], sorter=order)]))
+        return found
 
     def camera(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """K [3, 3], R [views, 3, 3], t [views, 3]."""
@@ -161,7 +226,12 @@ class Turntable:
         K = np.array([[focal, 0, half], [0, focal * self.aspect, half], [0, 0, 1]])
         unit = WIDTH / self.size  # of a pixel at the axis
         t = [(x[AXIS] - half) * unit, (self.row - half) * unit / self.aspect, focal * unit]
-        return K, self.rotations(x), np.tile(t, (len(self.index), 1))
+        t = np.tile(t, (len(self.index), 1))
+        for number, (views, _) in enumerate(self._places()[1:], start=1):
+            own = self.parameters_of(x, number)
+            there = [own[2] - half, (own[ROW] - half) / self.aspect, focal]
+            t[views] = np.multiply(there, unit * math.exp(own[FARTHER]))
+        return K, self.rotations(x), t
 
     def pose(self, x: np.ndarray) -> Pose:
         """The cameras, as the kernels take them."""
@@ -173,9 +243,9 @@ class Turntable:
 
     def slopes(self, x: np.ndarray, misses: Misses) -> np.ndarray:
         """The derivatives of the residuals, 0 where a ray hits: [views, samples, parameters]."""
-        shared = len(NUDGE)
+        shared = self.shared
         slopes = np.zeros((*misses.pixels.shape, len(x)))
-        for i, nudge in enumerate(NUDGE):
+        for i, nudge in enumerate(self._each(NUDGE, ROUND_NUDGE)):
             up, down = (self.pose(x + d * np.eye(len(x))[i]) for d in (nudge, -nudge))
             at = [measure_at(self.outlines, misses, pose, pose) for pose in (up, down)]
             slopes[..., i] = (at[0] - at[1]) / (2 * nudge)
@@ -190,13 +260,19 @@ class Turntable:
         slopes[view, sample, shared + missed] = ((other[0] - other[1]) / (2 * nudge))[view, sample]
         return slopes
 
+    def _each(self, first: np.ndarray, later: np.ndarray) -> np.ndarray:
+        """A value of each shared parameter: [shared]."""
+        return np.concatenate([first, *[later] * (len(self.rounds) - 1)])
+
     def secants(self, x: np.ndarray) -> np.ndarray:
         """Differences over large changes of shared parameters: [views, samples, parameters].
 
         A residual is 0 as long as its ray hits, so it has no derivative where silhouettes and
         cameras agree, although the silhouettes may fix the parameters well.
         """
-        probes = PROBE / [1, 1, 1, 1, len(self.index)]
+        probes = self._each(PROBE, ROUND_PROBE)
+        steps = [len(turn) for turn in self.rounds] or [len(self.index)]
+        probes[self.of_rounds(STEP)] /= steps
         sides = [
             [self.misses(x + side * probe * np.eye(len(x))[i]).pixels for side in (1, -1)]
             for i, probe in enumerate(probes)
@@ -204,12 +280,21 @@ class Turntable:
         each = [(up - down) / (2 * p) for (up, down), p in zip(sides, probes, strict=True)]
         return np.stack(each, axis=-1)
 
+    def of_rounds(self, name: int) -> list[int]:
+        """Where a parameter that each round has stands: one of ``OF_FIRST``."""
+        return [place_of(name, number) for number in range(max(1, len(self.rounds)))]
+
     def prior(self) -> tuple[np.ndarray, np.ndarray]:
         """Mean and standard deviation of the prior of each parameter: each [parameters]."""
-        sd = np.concatenate([PRIOR_SD, np.full(len(self.index), JITTER)])
-        sd[AXIS] = self.size / 10
-        mean = np.concatenate([PRIOR, np.zeros(len(self.index))])
+        views = len(self.index)
+        sd = np.concatenate([self._each(PRIOR_SD, ROUND_SD), np.full(views, JITTER)])
+        sd[self.of_rounds(AXIS)] = self.size / 10
+        mean = np.concatenate([self._each(PRIOR, ROUND_PRIOR), np.zeros(views)])
         mean[AXIS] = self.column
+        for number in range(1, len(self.rounds)):
+            part = part_of(number)
+            mean[part][[2, ROW]] = self.middles[number]
+            sd[part][ROW] = self.size / 10
         if self.distance is not None:  # the object's size is twice its reach
             mean[VIEW] = math.log(self.size / 2 / (2 * self.reach * self.distance))
             sd[VIEW] = DISTANCE_SD
@@ -241,7 +326,7 @@ class Turntable:
             data = self.slopes(x, misses).reshape(-1, len(x))[:, free]
             return np.concatenate([data, np.diag(worth / sd[free])])
 
-        spread = np.r_[SPREAD, np.full(len(self.index), JITTER)]
+        spread = np.r_[self._each(SPREAD, ROUND_SPREAD), np.full(len(self.index), JITTER)]
         bounds = self._bounds(start)[:, free]
         found = least_squares(
             residuals, np.clip(start[free], bounds[0] + 1e-6, bounds[1] - 1e-6), jacobian,
@@ -254,9 +339,10 @@ class Turntable:
     def _bounds(self, start: np.ndarray) -> np.ndarray:
         """The least and greatest values that a fit may reach: [2, parameters]."""
         bounds = np.array([[-np.inf], [np.inf]]).repeat(len(start), axis=1)
-        bounds[:, ELEVATION] = (-OVER, 75) if start[ELEVATION] >= 0 else (-75, OVER)
-        bounds[:, ROLL] = -30, 30
-        bounds[:, AXIS] = -self.size / 2, 1.5 * self.size
+        for i in self.of_rounds(ELEVATION):
+            bounds[:, i] = (-OVER, 75) if start[i] >= 0 else (-75, OVER)
+        bounds[:, self.of_rounds(ROLL)] = [[-30], [30]]
+        bounds[:, self.of_rounds(AXIS)] = [[-self.size / 2], [1.5 * self.size]]
         bounds[:, VIEW] = np.log(np.tan(np.radians([1.0, 45.0])))
         return bounds
 
@@ -277,14 +363,41 @@ class Turntable:
         square = INDEPENDENT * len(self.index) * (worse - better) / max(better, NOISE**2)
         return math.copysign(math.sqrt(abs(square)), square)
 
+    def mirrored(self, x: np.ndarray) -> np.ndarray:
+        """The parameters at which distant cameras see the mirrored object the same.
 
-def mirrored(x: np.ndarray) -> np.ndarray:
-    """The parameters at which a distant camera sees the mirrored object the same.
+        Negating depth, with D = diag(1, 1, -1), takes R = lean tilt(e) turn(a) to D R = R' D with
+        R' = lean tilt(-e) turn(-a).
+        """
+        twin = x.copy()
+        twin[self.of_rounds(ELEVATION)] *= -1
+        twin[self.of_rounds(STEP)] *= -1
+        twin[[part_of(number).start + PHASE for number in range(1, len(self.rounds))]] *= -1
+        twin[self.shared :] *= -1
+        return twin
 
-    Negating depth, with D = diag(1, 1, -1), takes R = lean tilt(e) turn(a) to D R = R' D with
-    R' = lean tilt(-e) turn(-a).
-    """
-    twin = x.copy()
-    twin[ELEVATION] *= -1
-    twin[STEP:] *= -1
-    return twin
+
+def part_of(number: int) -> slice:
+    """Where a round's own parameters stand; not of the first, whose are those of ``NAMES``."""
+    first = len(NAMES) + len(ROUND) * (number - 1)
+    return slice(first, first + len(ROUND))
+
+
+def place_of(name: int, number: int) -> int:
+    """Where a parameter stands of a round: one of ``OF_FIRST``, which every round has."""
+    return part_of(number).start + OF_ROUND[OF_FIRST.index(name)] if number else name
+
+
+def rotate(elevation: float, roll: float, angles: np.ndarray) -> np.ndarray:
+    """lean(roll) tilt(elevation) turn(angle) of each angle, all in degrees: [angles, 3, 3]."""
+    e, roll = np.radians([elevation, roll])
+    a = np.radians(angles)
+    tilt = np.array([[1, 0, 0], [0, -math.cos(e), math.sin(e)], [0, -math.sin(e), -math.cos(e)]])
+    lean = np.array(
+        [[math.cos(roll), -math.sin(roll), 0], [math.sin(roll), math.cos(roll), 0], [0, 0, 1]]
+    )
+    turn = np.zeros((len(a), 3, 3))
+    turn[:, 0, 0], turn[:, 0, 2] = np.cos(a), -np.sin(a)
+    turn[:, 2, 0], turn[:, 2, 2] = np.sin(a), np.cos(a)
+    turn[:, 1, 1] = 1
+    return lean @ tilt @ turn

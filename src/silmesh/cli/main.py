@@ -148,7 +148,13 @@ def main() -> None:
     metavar="D,E,S",
     default="",
     help="What is known of it: distance, elevation, step from photograph to photograph, as ,,5 "
-    "for a step of 5 degrees.",
+    "for a step of 5 degrees; of several rounds each, as ',5,20;,40,20'.",
+)
+@click.option(
+    "--sets",
+    default="",
+    help="Of photographs between which the object was turned over: folders or globs of names, as "
+    "'upright*;turned*'.",
 )
 @click.option("--size", default=256, show_default=True, help="Pixels of the working images.")
 @click.option("--init", default="hull", show_default=True, help="Initial mesh: its shape.")

@@ -3,12 +3,14 @@
 import json
 import os
 from collections.abc import Sequence
+from glob import escape
 from pathlib import Path
 from typing import Any
 
 import click
 
 from silmesh.cameras.locate import locate
+from silmesh.cameras.sets import find_sets
 from silmesh.cli.bar import Bar
 from silmesh.cli.outcome import (
     advise_on_cameras,
@@ -20,7 +22,7 @@ from silmesh.cli.outcome import (
     refuse_suffix,
 )
 from silmesh.cli.runner import RunError, Runner
-from silmesh.cli.workspace import Workspace, claim, place_of, try_workspace
+from silmesh.cli.workspace import Workspace, claim, name_links, place_of, try_workspace
 from silmesh.errors import InputError
 from silmesh.files import try_file
 from silmesh.geometry.thresholds import CONVINCING
@@ -34,6 +36,7 @@ from silmesh.intake.photographs import (
     is_video,
 )
 from silmesh.intake.sources import choose_cameras, choose_silhouettes, look
+from silmesh.naming import name_views
 from silmesh.own_code import own_file
 from silmesh.planning.datasets import usable
 from silmesh.scene.diagnosis import MEASURED, describe_masks
@@ -72,7 +75,8 @@ def make_mesh(
         keep: the folder to work in; None for one in the cache
         masks: their folder; None where they are not given
         silhouettes, cameras: sources; None where they are to be chosen
-        options: of the configuration: ``turntable``, ``size``, ``init``, ``preset``, ``quality``
+        options: of the configuration: ``turntable``, ``sets``, ``size``, ``init``, ``preset``,
+            ``quality``
 
     Raises:
         InputError: what is named cannot be used
@@ -86,6 +90,7 @@ def make_mesh(
     silhouettes, tries = _choose(files, found, silhouettes, cameras)
     if silhouettes == MASK:
         refuse_labels(found)
+    options["sets"] = _name_sets(options["sets"], files)
     work = Workspace(folder, name, tuple(files), tuple(found))
     work.check(*_configure(silhouettes, tries[0], options)[1:])
     _refuse_inputs((output, page), (*paths, *files, *found, *_list_files(cameras)))
@@ -319,6 +324,7 @@ def _configure(
         "silhouettes": _from_anywhere(silhouettes),
         "cameras": where,
         "turntable": options["turntable"],
+        "sets": options["sets"],
     }
     values = {
         "views": {"size": options["size"]},
@@ -326,6 +332,14 @@ def _configure(
         "variants": {variant: {"init": {"shape": init}, "fit": {"preset": preset}}},
     }
     return variant, row, values
+
+
+def _name_sets(cell: str, files: Sequence[Path]) -> str:
+    """The same sets by the names that the photographs have in the folder to work in."""
+    views = name_views(files)
+    sets = find_sets(cell, views, [file.absolute().parent.name for file in files])
+    links = dict(zip(views, name_links(files), strict=True))
+    return ";".join(",".join(escape(links[view]) for view in views) for views in sets)
 
 
 def _from_anywhere(method: str) -> str:

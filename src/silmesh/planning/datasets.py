@@ -9,41 +9,29 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from silmesh.cameras.locate import locate
+from silmesh.cameras.sets import find_sets
 from silmesh.errors import InputError, blaming, shorten
-from silmesh.naming import match_masks, order_photographs, pair_masks, split_masks, tell_spare
+from silmesh.naming import (
+    match_masks,
+    name_views,
+    order_photographs,
+    pair_masks,
+    split_masks,
+    tell_spare,
+)
 from silmesh.own_code import own_file, refuse_lacking
 from silmesh.settings.section import LONGEST_NAME, LONGEST_PATH, NAME
 from silmesh.settings.silhouettes import check_source
+from silmesh.settings.turntable import Turntable, parse_turntable
 from silmesh.synthetic import layout
 from silmesh.views import count_array_views, list_images, list_masks
 
 REQUIRED = ("object", "images", "silhouettes", "cameras")
-OPTIONAL = ("masks", "turntable", "truth", "variants")
+OPTIONAL = ("masks", "turntable", "sets", "truth", "variants")
 COLUMNS = REQUIRED + OPTIONAL
 RESERVED = "report"  # a folder of results/
 FEWEST_VIEWS = 2
 UNPRINTABLE = r"[\x00-\x1f\x7f\ud800-\udfff]"  # control characters, bytes that are no UTF-8
-FARTHEST = 100  # distance of a turntable's camera at which the object is 2 % of the picture
-
-
-@dataclass(frozen=True)
-class Turntable:
-    """What is known of a turntable's geometry; None where nothing is.
-
-    Attributes:
-        distance: of the camera from the origin, in scene units
-        elevation: of the camera above the table, in degrees
-        step: turn from one view to the next, in degrees
-    """
-
-    distance: float | None
-    elevation: float | None
-    step: float | None
-
-    @property
-    def complete(self) -> bool:
-        """Whether cameras can be made from it alone."""
-        return None not in (self.distance, self.elevation, self.step)
 
 
 @dataclass(frozen=True)
@@ -57,6 +45,8 @@ class Dataset:
         masks: the mask of each photograph, or none
         silhouettes, cameras: where they come from; a ``file:`` path is resolved
         turntable: what the row says of its geometry
+        sets: the views of each set of photographs between which the object was turned over; empty
+            for one set, or where it is to be found
         truth: the true mesh, if given
         variants: the experiments that it runs; empty for all
         notes: what was found and is not used, a line each
@@ -69,6 +59,7 @@ class Dataset:
     silhouettes: str
     cameras: str
     turntable: Turntable
+    sets: tuple[tuple[str, ...], ...]
     truth: Path | None
     variants: tuple[str, ...]
     notes: tuple[str, ...] = ()
@@ -174,6 +165,7 @@ def _parse_row(table: Path, line: int, row: Mapping[str, str]) -> Dataset:
             silhouettes=_resolve_silhouettes(table, row["silhouettes"]),
             cameras=cameras,
             turntable=parse_turntable(row["turntable"]),
+            sets=_find_sets(row["sets"], images),
             truth=_find_truth(table, row["truth"]) if row["truth"] else None,
             variants=tuple(dict.fromkeys(re.findall(r"[^,\s]+", row["variants"]))),
             notes=tuple(f"{where}: {note}" for note in notes),
@@ -281,38 +273,11 @@ def resolve_cameras(table: Path, cell: str) -> str:
             raise InputError(f"{path}: cannot be read: {error.strerror}") from error
 
 
-def parse_turntable(cell: str) -> Turntable:
-    """What is known of a turntable, ``distance,elevation,step`` in scene units and degrees.
-
-    Raises:
-        InputError: it is written otherwise, or a number is none that a turntable has
-    """
-    if not cell:
-        return Turntable(None, None, None)
-    try:
-        distance, elevation, step = (
-            float(part) if part.strip() else None for part in cell.split(",")
-        )
-    except ValueError as error:
-        raise InputError(
-            f"turntable: should be distance,elevation,step, for example 2.732,0,5, not {cell!r}; "
-            "what cameras 'calibrate' should find is left out, as in ',,5'"
-        ) from error
-    if distance is not None and distance > FARTHEST:
-        raise InputError(
-            f"turntable: {cell!r}: a distance of {distance:g} is too far; its unit is the object's "
-            "size, whatever it is in metres. The report's is 2.732"
-        )
-    if not (
-        (distance is None or distance > 0)
-        and (elevation is None or -90 <= elevation <= 90)
-        and (step is None or 0 < abs(step) <= 360)
-    ):
-        raise InputError(
-            f"turntable: {cell!r}: should have a positive distance, an elevation of -90 to 90 "
-            "degrees, and a step of at most 360 degrees that is not 0"
-        )
-    return Turntable(distance, elevation, step)
+def _find_sets(cell: str, images: Sequence[Path]) -> tuple[tuple[str, ...], ...]:
+    """The views of each set that a row names."""
+    if cell and images[0].suffix == ".npy":
+        raise InputError("sets: an array has no names of views, by which they are told apart")
+    return find_sets(cell, name_views(images), [image.parent.name for image in images])
 
 
 def _find_truth(table: Path, cell: str) -> Path:

@@ -29,7 +29,7 @@ from silmesh.cameras.locate import locate
 from silmesh.errors import InputError, blaming
 from silmesh.own_code import own_file, own_files, refuse_lacking
 from silmesh.planning.config import Config, Variant, parse_config
-from silmesh.planning.datasets import Dataset, Turntable, read_datasets, resolve_cameras
+from silmesh.planning.datasets import Dataset, read_datasets, resolve_cameras
 from silmesh.planning.feasible import (
     refuse_infeasible,
     refuse_lacking_backgrounds,
@@ -40,6 +40,7 @@ from silmesh.report.published import check_published
 from silmesh.settings.section import NAME, Section
 from silmesh.settings.silhouettes import FOREGROUND_MODELS, Networks, weights_file
 from silmesh.settings.train import NEW, TRAINED
+from silmesh.settings.turntable import Turntable
 
 FOUND = ("calibrate", "colmap", "auto")  # sources that look at the silhouettes
 COLMAP = {  # the attempts of COLMAP's, by whether it masks
@@ -238,7 +239,14 @@ class Run:
 
     @property
     def _calibrate_name(self) -> str:
-        return "calibrate" if self.settings.calibrate.above_table else "calibrate_anywhere"
+        name = "calibrate" if self.settings.calibrate.above_table else "calibrate_anywhere"
+        return f"{name}{self._sets_name}"
+
+    @property
+    def _sets_name(self) -> str:
+        """Names the sets that the photographs are divided into, if they are given."""
+        sets = self.dataset.sets
+        return f"-{_digest(repr(sets))}" if sets else ""
 
     @property
     def _silhouettes_name(self) -> str:
@@ -252,7 +260,7 @@ class Run:
     def _cameras_name(self) -> str:
         if self.cameras in ("colmap", "auto"):
             above = self.settings.calibrate.above_table
-            key = f"{self.model_key}-{self.settings.colmap.masks}-{above}"
+            key = f"{self.model_key}-{self.settings.colmap.masks}-{above}{self._sets_name}"
             return f"{self.cameras}_{_digest(key)}"
         if self.cameras == "calibrate":
             return self._calibrate_name
@@ -426,9 +434,9 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
     _refuse_unfindable(silhouettes, dataset, name, variant, config, where)
     if cameras == "turntable" and not dataset.turntable.complete:
         raise InputError(
-            f"{dataset.where}: cameras are 'turntable' (variant {name!r}), but turntable is empty "
-            "or lacks a number; should be distance,elevation,step, for example 2.732,0,5; "
-            "cameras 'calibrate' finds what is not known"
+            f"{dataset.where}: cameras are 'turntable' (variant {name!r}), but turntable is empty, "
+            "lacks a number or names several rounds; should be distance,elevation,step, for "
+            "example 2.732,0,5; cameras 'calibrate' finds what is not known"
         )
     # The stage decides as well; a name says what it comes to.
     matching = variant.colmap.pairing_of(len(dataset.images))

@@ -320,7 +320,10 @@ def _describe_scenes(scenes: Mapping[str, Scene], room: int) -> list[dict[str, A
             "coherence": f"{scene.notes['hull_iou_mean']:.3f}",
             "dropped": scene.notes["dropped"],
             "warnings": scene.notes["warnings"],
-            "estimates": _show_estimates(scene.notes["figures"].get("estimates", {})),
+            "estimates": [
+                *_show_estimates(scene.notes["figures"].get("estimates", {})),
+                *_show_rounds(scene.notes["figures"].get("rounds", [])),
+            ],
             "picture": _embed_still(scene.picture, room),
         }
         for names in variants.values()
@@ -330,20 +333,37 @@ def _describe_scenes(scenes: Mapping[str, Scene], room: int) -> list[dict[str, A
 
 def _show_estimates(estimates: Mapping[str, Mapping[str, Any]]) -> list[dict[str, str]]:
     """A calibration's parameters as text: name, meaning, value with its deviation, status."""
-    rows = []
-    for name, (label, unit, meaning) in PARAMETERS.items():
-        if name in estimates:
-            e = estimates[name]
-            number = f"{e['value']:.2f}" + (f" ± {e['sd']:.2g}" if e["sd"] else "")
-            rows.append(
-                {
-                    "label": label,
-                    "meaning": meaning,
-                    "value": number + unit,
-                    "status": e["status"],
-                }
-            )
-    return rows
+    return [
+        _show_estimate(label, meaning, unit, estimates[name])
+        for name, (label, unit, meaning) in PARAMETERS.items()
+        if name in estimates
+    ]
+
+
+def _show_rounds(rounds: Sequence[Mapping[str, Any]]) -> list[dict[str, str]]:
+    """The elevation of each round of several, and which views it has."""
+    _, unit, _ = PARAMETERS["elevation"]
+    return [
+        _show_estimate(
+            f"Round {number}",
+            f"elevation of its {len(one['views'])} views, {one['views'][0]} to {one['views'][-1]}",
+            unit,
+            one["estimates"]["elevation"],
+        )
+        for number, one in enumerate(rounds, start=1)
+    ]
+
+
+def _show_estimate(
+    label: str, meaning: str, unit: str, estimate: Mapping[str, Any]
+) -> dict[str, str]:
+    deviation = f" ± {estimate['sd']:.2g}" if estimate["sd"] else ""
+    return {
+        "label": label,
+        "meaning": meaning,
+        "value": f"{estimate['value']:.2f}{deviation}{unit}",
+        "status": estimate["status"],
+    }
 
 
 def describe_initial(notes: Mapping[str, Any]) -> dict[str, Any]:

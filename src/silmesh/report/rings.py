@@ -3,7 +3,8 @@
 One look is obliquely from above, the other straight from the top. The hull is drawn by ray casting,
 the frusta as lines before and behind it. Cameras of narrow view stand so far away that the object
 would be a dot: all are drawn nearer by one factor, which the picture says, and their frusta opened
-by the same. Views go from blue, the first, to orange, the last.
+by the same. Views go from blue, the first, to orange, the last; sets of views between which the
+object was turned over have a colour each.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -19,6 +20,7 @@ from silmesh.report.pictures import FINE, GROUND, INK, MESH, Camera, font, shade
 
 PANEL, GAP, HEADER, LINE = 551, 8, 30, 18  # pixels
 FIRST, LAST, DARK_LAST = (0, 90, 160), MESH, (168, 78, 0)
+OF_SETS = (FIRST, LAST, (0, 120, 80), (150, 60, 130))  # colours of sets, in turn
 TINT = 110  # of 255: how much the first and the last frustum hide
 FAINT = (176, 172, 164)
 RING = 3.2 * OBJECT_RADIUS  # median distance of the cameras from the middle, as drawn
@@ -85,7 +87,10 @@ def look(up: np.ndarray, ahead: np.ndarray, raised: float, points: np.ndarray, s
 
 
 def draw_rings(
-    cameras: Cameras, mesh: trimesh.Trimesh, dropped: Mapping[str, str] | None = None
+    cameras: Cameras,
+    mesh: trimesh.Trimesh,
+    dropped: Mapping[str, str] | None = None,
+    sets: Sequence[Sequence[str]] = (),
 ) -> Image.Image:
     """Draw the cameras around a mesh.
 
@@ -93,12 +98,14 @@ def draw_rings(
         cameras: in the normalised world
         mesh: in that world; may be empty
         dropped: views without a camera, which are listed
+        sets: the views of each set, if the object was turned over between them
     """
     frusta = frusta_of(cameras)
     up = cameras.up.numpy()
     ahead = look_ahead(cameras, up)
     aside = np.cos(np.radians(ASIDE)) * ahead + np.sin(np.radians(ASIDE)) * np.cross(up, ahead)
-    notes = list(_notes(len(cameras), frusta.nearer, list(dropped or {})))
+    notes = list(_notes(len(cameras), frusta.nearer, list(dropped or {}), sets))
+    series = _divide(cameras.views, sets)
     width, height = 2 * PANEL + 3 * GAP, HEADER + PANEL + GAP + len(notes) * LINE + GAP
     sheet = Image.new("RGB", (width, height), GROUND)
     draw = ImageDraw.Draw(sheet)
@@ -108,7 +115,7 @@ def draw_rings(
         x = GAP + i * (PANEL + GAP)
         draw.text((x, HEADER / 2), title, fill=INK, font=font(13), anchor="lm")
         observer = look(up, towards, raised, points, FINE * PANEL)
-        panel = draw_look(observer, frusta, mesh, cameras.views)
+        panel = draw_look(observer, frusta, mesh, cameras.views, series)
         sheet.paste(panel.resize((PANEL, PANEL), Image.Resampling.BOX), (x, HEADER))
     for i, note in enumerate(notes):
         y = HEADER + PANEL + GAP + (i + 0.5) * LINE
@@ -116,32 +123,62 @@ def draw_rings(
     return sheet
 
 
+def _divide(views: Sequence[str], sets: Sequence[Sequence[str]]) -> list[list[int]]:
+    """Positions of the views of each set that is drawn; all views, if there are no sets."""
+    place = {view: i for i, view in enumerate(views)}
+    return [[place[view] for view in s if view in place] for s in sets] or [[*range(len(views))]]
+
+
+def _colour_views(count: int, series: Sequence[Sequence[int]]) -> list[tuple[int, ...]]:
+    """A colour for each view: its set's, or from the first's to the last's where there is one."""
+    if len(series) > 1:
+        of = {i: OF_SETS[n % len(OF_SETS)] for n, part in enumerate(series) for i in part}
+        return [of.get(i, FAINT) for i in range(count)]
+    shares = [i / max(count - 1, 1) for i in range(count)]
+    return [
+        tuple(round((1 - s) * a + s * b) for a, b in zip(FIRST, LAST, strict=True)) for s in shares
+    ]
+
+
 def draw_look(
-    observer: Camera, frusta: Frusta, mesh: trimesh.Trimesh, views: Sequence[str]
+    observer: Camera,
+    frusta: Frusta,
+    mesh: trimesh.Trimesh,
+    views: Sequence[str],
+    series: Sequence[Sequence[int]],
 ) -> Image.Image:
-    """One look: what is behind the middle, the mesh, and what is before it."""
+    """One look: what is behind the middle, the mesh, and what is before it.
+
+    Args:
+        series: positions of the views that a line joins, of each set
+    """
     depth = frusta.apexes @ observer.R[2] + observer.t[2]
     behind = depth > observer.t[2]
     image = Image.new("RGB", (observer.size, observer.size), GROUND)
     draw = ImageDraw.Draw(image, "RGBA")
     path = [tuple(p) for p in observer.project(frusta.apexes)]
-    draw.line(path, fill=FAINT, width=FINE)
+    for part in series:
+        draw.line([path[i] for i in part], fill=FAINT, width=FINE)
+    colours = _colour_views(len(views), series)
     order = np.argsort(-depth)
-    _draw_frusta(draw, observer, frusta, [i for i in order if behind[i]])
+    _draw_frusta(draw, observer, frusta, colours, [i for i in order if behind[i]])
     _paste_mesh(image, observer, mesh)
-    _draw_frusta(draw, observer, frusta, [i for i in order if not behind[i]])
+    _draw_frusta(draw, observer, frusta, colours, [i for i in order if not behind[i]])
     _label_ends(draw, observer, frusta, views)
     return image
 
 
 def _draw_frusta(
-    draw: ImageDraw.ImageDraw, observer: Camera, frusta: Frusta, which: Iterable[int]
+    draw: ImageDraw.ImageDraw,
+    observer: Camera,
+    frusta: Frusta,
+    colours: Sequence[tuple[int, ...]],
+    which: Iterable[int],
 ) -> None:
     """Draw some frusta in this order; those of the first and the last view are filled."""
     last = len(frusta.apexes) - 1
     for i in which:
-        share = i / max(last, 1)
-        colour = tuple(round((1 - share) * a + share * b) for a, b in zip(FIRST, LAST, strict=True))
+        colour = colours[i]
         apex = tuple(observer.project(frusta.apexes[i : i + 1])[0])
         ends = [tuple(p) for p in observer.project(frusta.corners[i])]
         width = (3 if i in (0, last) else 1.4) * FINE
@@ -206,9 +243,14 @@ def _level(towards: np.ndarray, up: np.ndarray, R: np.ndarray) -> np.ndarray:
     return np.eye(3)[np.abs(up).argmin()]
 
 
-def _notes(count: int, nearer: float, dropped: Sequence[str]) -> Iterable[str]:
+def _notes(
+    count: int, nearer: float, dropped: Sequence[str], sets: Sequence[Sequence[str]]
+) -> Iterable[str]:
     where = "" if nearer == 1 else f", drawn at {nearer:.2g} of their distance from the middle"
     yield f"{count} cameras{where}; a thin line joins them in the order of the views"
+    if sets:
+        ends = [f"{_shorten(s[0])} to {_shorten(s[-1])} ({len(s)})" for s in sets]
+        yield f"{len(sets)} sets, a colour each: {name_some(ends, len(OF_SETS))}"
     if dropped:
         yield f"no camera: {name_some([_shorten(name) for name in dropped], LISTED)}"
 

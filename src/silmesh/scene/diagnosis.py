@@ -6,16 +6,13 @@ was measured, as how far a turntable's outlines miss each other, the attempts at
 
 from collections import Counter
 from collections.abc import Sequence
-from datetime import datetime
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 from scipy import ndimage
 
-from silmesh.errors import name_some
-from silmesh.geometry.frame import find_shown, is_cut
-from silmesh.scene.series import (
+from silmesh.cameras.rounds import read_time, split_times
+from silmesh.cameras.series import (
     LEAST,
     Series,
     alternates,
@@ -25,6 +22,8 @@ from silmesh.scene.series import (
     is_shuffled,
     prepare,
 )
+from silmesh.errors import name_some
+from silmesh.geometry.frame import find_shown, is_cut
 from silmesh.views import View, open_image
 
 MEASURED = "measured: "  # begins the line of a finding
@@ -34,9 +33,6 @@ PIECE = 0.02  # of a silhouette's area: smaller connected parts are not counted 
 SMALL = 0.005  # of a photograph's area: an object that covers less is reported as small
 MANY = 0.25  # share of the photographs from which an irregularity is reported
 JUMP = 1.5  # factor between a silhouette's area and both neighbours' from which it is reported
-# Two series are told apart by a pause of at least PAUSE times every other one, and MINUTE seconds.
-PAUSE, MINUTE = 5.0, 60.0
-EXIF, TAKEN = 0x8769, 36867  # the directory of EXIF in which the time stands
 
 
 def diagnose(
@@ -167,12 +163,13 @@ def _describe_order(silhouettes: np.ndarray, views: Sequence[View]) -> list[str]
     rounds = find_rounds(series)
     if len(rounds) > 1:
         return [_say_rounds(rounds, views)]
-    if parts := _split_by_time(views):
+    if len(parts := split_times([read_time(view) for view in views])) > 1:
         return [_say_rounds(parts, views, "taken with a long pause between")]
     if alternates(series):
         return [
             "every other photograph is more alike than neighbours are: they seem to be two "
-            "rounds that were taken together; 'calibrate' takes one: give every other one"
+            "rounds that were taken together: name the photographs of one round before those "
+            "of the other"
         ]
     if is_shuffled(series):
         return [
@@ -187,7 +184,8 @@ def _say_rounds(rounds: Sequence[range], views: Sequence[View], why: str = "") -
     said = ", ".join(f"{views[r[0]].view} to {views[r[-1]].view} ({len(r)})" for r in rounds)
     return (
         f"the photographs fall in {len(rounds)} rounds{', ' * bool(why)}{why}: {said}; "
-        "'calibrate' takes one round: give the photographs of one alone. Several are taken with "
+        "if one axis does not explain all, give the photographs of one alone, or what is known of "
+        "each: turntable ',5,20;,40,20'. Other rounds are taken with "
         "known cameras, or by 'colmap' where the object has texture or stands on something "
         "patterned that turns with it"
     )
@@ -213,34 +211,9 @@ def _describe_gaps(series: Series, views: Sequence[View]) -> list[str]:
     return [
         f"between {views[i - 1].view} and {views[i].view} the silhouettes change "
         f"{steps[i - 1] / np.median(steps):.0f} times as much as elsewhere: photographs are "
-        "missing there, or a second series begins; 'calibrate' takes one series of even steps"
+        "missing there, or a second series begins; each round should have even steps"
         for i in find_gaps(series)[:GAPS]
     ]
-
-
-def _split_by_time(views: Sequence[View]) -> list[range]:
-    """Two series with a long pause between, if the photographs' EXIF data show one."""
-    times = [_read_time(view) for view in views]
-    if len(views) < 2 * LEAST or None in times:
-        return []
-    pauses = np.array([(b - a).total_seconds() for a, b in pairwise(times)])
-    longest = int(pauses.argmax())
-    others = np.delete(pauses, longest)
-    if others.min() < 0 or pauses[longest] < max(MINUTE, PAUSE * others.max()):
-        return []
-    parts = [range(longest + 1), range(longest + 1, len(views))]
-    return parts if min(map(len, parts)) >= LEAST else []
-
-
-def _read_time(view: View) -> datetime | None:
-    """When a photograph was taken, if it says so."""
-    try:
-        with open_image(view.source) as opened:
-            return datetime.strptime(
-                str(opened.getexif().get_ifd(EXIF)[TAKEN]), "%Y:%m:%d %H:%M:%S"
-            )
-    except Exception:  # of whatever kind: it has none, or cannot be read
-        return None
 
 
 def _size(view: View) -> str:

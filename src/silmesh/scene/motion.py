@@ -3,25 +3,39 @@
 COLMAP's stages live in folders (``cameras.stages``), since its database and its models are files.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import PIL.Image  # before pycolmap, or saving a PNG crashes
+import pycolmap
 
 from silmesh.cameras.attempt import Attempt
 from silmesh.cameras.colmap import attempt_model
 from silmesh.cameras.features import extract, keep_inside
 from silmesh.cameras.mapping import map_views
 from silmesh.cameras.matching import match
-from silmesh.cameras.stages import DATABASE, LARGEST, MODEL, Report, make_stage, read_report
+from silmesh.cameras.sets import FEWEST
+from silmesh.cameras.stages import (
+    APART,
+    DATABASE,
+    LARGEST,
+    MODEL,
+    Report,
+    make_stage,
+    read_report,
+)
 from silmesh.geometry.thresholds import COHERENT
 from silmesh.progress import Share, untold, within
 from silmesh.scene.agreement import NEAR, refuse_incoherent
+from silmesh.scene.joined import join_attempts
 from silmesh.settings.cameras import Colmap
 from silmesh.views import View
 
+Pictures = Mapping[str, PIL.Image.Image] | None
 SOURCE, MASKED = "colmap", "colmap, masked"
+SET = 0.3  # of the largest model's views: a model apart that has fewer is a splinter, and no set
 MATCHED = 0.6  # share of the run time after which the photographs are matched, for the progress
 
 
@@ -33,6 +47,7 @@ def attempt_colmap(
     threads: int,
     scratch: Path,
     progress: Share = untold,
+    pictures: Pictures = None,
 ) -> list[Attempt]:
     """All attempts at cameras by COLMAP, from photographs.
 
@@ -43,6 +58,7 @@ def attempt_colmap(
         settings: of all stages; their ``masks`` say which attempts are made
         threads: to use; the cameras do not depend on it
         scratch: an existing folder for the stages
+        pictures: the working images by the views' names, as ``judge_model`` takes them
     """
     features, found = scratch / "all", []
     make_stage(
@@ -52,13 +68,13 @@ def attempt_colmap(
     )
     if settings.masks != "silhouettes":
         model = find_model(features, settings, threads, _folder(scratch, "unmasked"), progress)
-        found.append(judge_model(SOURCE, model, views, silhouettes))
+        found.append(judge_model(SOURCE, model, views, silhouettes, pictures))
     if settings.masks != "none":
         masked = _folder(scratch, "masked")
         before = found[0] if found else None
         found.append(
             attempt_masked(
-                features, views, silhouettes, settings, threads, masked, before, progress
+                features, views, silhouettes, settings, threads, masked, before, progress, pictures
             )
         )
     return found
@@ -108,9 +124,86 @@ def find_model(
 
 
 def judge_model(
+    source: str,
+    model: Path,
+    views: Sequence[View],
+    silhouettes: np.ndarray,
+    pictures: Pictures = None,
+) -> Attempt:
+    """The attempt that a model comes to, models that lie apart joined to it.
+
+    Args:
+        source: what to call it
+        model: folder of the model's stage
+        views: all views
+        silhouettes: [views, size, size] bool, of all views
+        pictures: the working images by the views' names, of which the colours are looked at where
+            the silhouettes do not decide how a model is to be joined
+    """
+    parts = _find_parts(model, views)
+    if len(parts) < 2:
+        return _judge_largest(source, model, views, silhouettes)
+    joined = _join_parts(source, model, parts, views, silhouettes, pictures)
+    if joined.cameras is not None:
+        return joined
+    whole = _judge_largest(source, model, views, silhouettes)
+    return replace(whole, warnings=(*whole.warnings, joined.refusal))
+
+
+def _find_parts(model: Path, views: Sequence[View]) -> dict[Path, list[View]]:
+    """The models of a stage that have views of their own, and which: the one with the most first.
+
+    None where no model lies apart. A view that has a camera in several is left to the first, and
+    splinters are left out. Views that no model has go with the first one, which explains what
+    became of them.
+    """
+    parts: dict[Path, list[View]] = {}
+    left, least = list(views), 0.0
+    if not (model / APART).is_dir():
+        return parts
+    for folder in (model / MODEL, *sorted((model / APART).glob("*"))):
+        if folder.is_dir():
+            found = pycolmap.Reconstruction(folder)
+            named = {image.name for image in found.images.values() if image.has_pose}
+            own = [view for view in left if view.view in named]
+            if len(own) >= least:
+                parts[folder] = own
+                least = max(FEWEST, SET * len(own)) if len(parts) == 1 else least
+                left = [view for view in left if view.view not in named]
+    if parts:
+        first = next(iter(parts))
+        mine = {view.view for view in (*parts[first], *left)}
+        parts[first] = [view for view in views if view.view in mine]
+    return parts
+
+
+def _join_parts(
+    source: str,
+    model: Path,
+    parts: Mapping[Path, Sequence[View]],
+    views: Sequence[View],
+    silhouettes: np.ndarray,
+    pictures: Pictures,
+) -> Attempt:
+    """One attempt of models that share no views, by the silhouettes; the report has all sets."""
+    report = read_report(model)
+    place = {view.view: i for i, view in enumerate(views)}
+    attempts = []
+    for folder, own in parts.items():
+        shown = silhouettes[[place[view.view] for view in own]]
+        attempt = _judge(source, folder, report, own, shown)
+        if attempt.cameras is not None:
+            attempts.append(attempt)
+    if len(attempts) < 2:
+        why = f"cameras {source!r}: of {len(parts)} models that share no view only one can be used"
+        return Attempt(source, None, why)
+    return join_attempts(attempts, views, silhouettes, pictures)
+
+
+def _judge_largest(
     source: str, model: Path, views: Sequence[View], silhouettes: np.ndarray
 ) -> Attempt:
-    """The attempt that a model comes to.
+    """The attempt that the model with the most views comes to.
 
     Args:
         source: what to call it
@@ -162,6 +255,7 @@ def attempt_masked(
     scratch: Path,
     unmasked: Attempt | None = None,
     progress: Share = untold,
+    pictures: Pictures = None,
 ) -> Attempt:
     """Cameras by the features on the object alone, unless it went well without masks.
 
@@ -171,6 +265,7 @@ def attempt_masked(
         silhouettes: [views, size, size] bool, of all views
         scratch: an existing folder for the stages
         unmasked: the attempt without masks, if there is one
+        pictures: the working images by the views' names, as ``judge_model`` takes them
     """
     coherence = unmasked.figures.get("coherence", 0.0) if unmasked else 0.0
     if coherence >= COHERENT:
@@ -183,4 +278,4 @@ def attempt_masked(
         lambda part, report: keep_inside(features / DATABASE, views, silhouettes, part, report),
     )
     model = find_model(inside, settings, threads, scratch, progress)
-    return judge_model(MASKED, model, views, silhouettes)
+    return judge_model(MASKED, model, views, silhouettes, pictures)

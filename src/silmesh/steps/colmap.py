@@ -10,7 +10,7 @@ from silmesh.cameras.attempt import write_attempt
 from silmesh.scene.motion import SOURCE, judge_model
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import output_folder, parser, run
-from silmesh.views import read_views
+from silmesh.views import ImageFolder, read_views
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -25,7 +25,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     torch.set_num_threads(given.threads)
     views = read_views(given.views)
     silhouettes = read_silhouettes(given.silhouettes, [view.view for view in views])
-    attempt = judge_model(SOURCE, given.model, views, silhouettes)
+    attempt = judge_model(SOURCE, given.model, views, silhouettes, ImageFolder(given.views))
     for line in (*attempt.warnings, *filter(None, [attempt.refusal])):
         print(f"silmesh: {line}", file=sys.stderr)
     write_attempt(given.output, attempt)

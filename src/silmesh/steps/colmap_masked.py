@@ -13,7 +13,7 @@ from silmesh.scene.motion import attempt_masked
 from silmesh.settings.cameras import Colmap
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import add_settings, output_folder, parser, run
-from silmesh.views import read_views
+from silmesh.views import ImageFolder, read_views
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -40,6 +40,7 @@ def main(argv: Sequence[str] | None = None) -> None:
             Path(scratch),
             given.unmasked and read_attempt(given.unmasked),
             share_of(f"colmap_masked {given.output}"),
+            ImageFolder(given.views),
         )
     for line in (*attempt.warnings, *filter(None, [attempt.refusal])):
         print(f"silmesh: {line}", file=sys.stderr)

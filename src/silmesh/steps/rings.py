@@ -31,7 +31,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     seen = cameras.select(shown)
     hull = carve(silhouettes[shown], seen, RESOLUTION, frames=find_frames(scene, seen.views))
     mesh = trimesh.Trimesh() if hull.empty else trimesh.Trimesh(*hull.surface())
-    picture = draw_rings(cameras, mesh, scene["dropped"])
+    picture = draw_rings(cameras, mesh, scene["dropped"], scene.get("figures", {}).get("sets", []))
     with replacing(given.output) as part:
         picture.save(part, optimize=True)
 

@@ -55,6 +55,11 @@ class Series:
     def __len__(self) -> int:
         return len(self.differences)
 
+    def part(self, low: int, high: int) -> "Series":
+        """Its views from one position to before another."""
+        views = slice(low, high)
+        return Series(self.differences[views, views], self.across[views], self.upright[views])
+
     @property
     def steps(self) -> np.ndarray:
         """[views - 1] the difference of each view from the next."""
@@ -91,7 +96,7 @@ def find_rounds(series: Series) -> list[range]:
     for rounds in (2, 3, 4):
         edges = [round(count * k / rounds) for k in range(rounds + 1)]
         parts = [range(*ends) for ends in pairwise(edges)]
-        if all(_is_closed(series, part) for part in parts) and all(
+        if all(is_closed(series, part) for part in parts) and all(
             _is_another_round(series, *pair) for pair in pairwise(parts)
         ):
             return parts
@@ -105,7 +110,7 @@ def _split(series: Series, part: range) -> list[range]:
     pairs = [
         pair
         for pair in pairs
-        if all(_is_closed(series, side) and _is_dense(series, side) for side in pair)
+        if all(is_closed(series, side) and _is_dense(series, side) for side in pair)
     ]
     rise, _, best = max(
         ((_measure_rise(series, *pair), -pair[0].stop, pair) for pair in pairs),
@@ -116,8 +121,8 @@ def _split(series: Series, part: range) -> list[range]:
     return [found for side in best for found in _split(series, side)]
 
 
-def _is_closed(series: Series, part: range) -> bool:
-    """Whether its ends differ by what its neighbours do."""
+def is_closed(series: Series, part: range) -> bool:
+    """Whether the ends of a part differ by what its neighbours do, as in a full turn."""
     if len(part) < LEAST:
         return False
     usual = np.percentile(series.steps[part.start : part.stop - 1], 75)

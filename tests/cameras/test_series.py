@@ -6,8 +6,7 @@ from scenes import names, silhouettes
 from torch import full, tensor
 from turns import LONG, ROUND, SIZE, turn
 
-from silmesh.cameras.turntable import orbit_cameras
-from silmesh.scene.series import (
+from silmesh.cameras.series import (
     alternates,
     find_gaps,
     find_rounds,
@@ -15,6 +14,7 @@ from silmesh.scene.series import (
     is_shuffled,
     prepare,
 )
+from silmesh.cameras.turntable import orbit_cameras
 
 
 def ends(seen: np.ndarray) -> list[tuple[int, int]]:

@@ -1,0 +1,183 @@
+r"""How well two sets of views, between which the object was turned over, are joined: JSON.
+
+python benchmarks/turned.py --cases 20 --scans cup.glb bottle.glb --json FILE
+python benchmarks/turned.py --cases 6 --calibrate       # cameras found from each set's silhouettes
+python benchmarks/turned.py --cases 6 --mismatched      # two different objects, to be refused
+
+Each case is an object, made-up or a scan, in 24 views from one height, then turned by a random
+rotation, moved and photographed in 24 views from another. Each set's cameras are given in a world
+of its own.
+"""
+
+import argparse
+import json
+import time
+from pathlib import Path
+
+import igl
+import numpy as np
+import torch
+import trimesh
+from PIL import Image
+from scipy.ndimage import map_coordinates
+from scipy.spatial.transform import Rotation
+
+from silmesh.cameras.attempt import Attempt
+from silmesh.cameras.turntable import orbit_cameras
+from silmesh.geometry.camera import Cameras
+from silmesh.geometry.visual_hull import Hull, carve
+from silmesh.scene.agreement import normalise
+from silmesh.scene.calibrated_sets import calibrate_sets
+from silmesh.scene.joined import join_attempts
+from silmesh.softras import soft_silhouettes
+from silmesh.synthetic.dataset import make_object
+from silmesh.synthetic.layout import OBJECTS
+from silmesh.views import View, place_view
+
+VIEWS = 24  # of each set
+DISTANCE = 2.732
+
+
+def load(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Vertices within the sphere of radius 0.5, faces, and colours [verts, 3] of 0 to 255."""
+    mesh = make_object(name) if name in OBJECTS else trimesh.load(name, force="mesh")
+    verts = np.asarray(mesh.vertices, float)
+    verts = verts - (verts.min(axis=0) + verts.max(axis=0)) / 2
+    verts /= 2 * np.linalg.norm(verts, axis=1).max()
+    visual = mesh.visual if mesh.visual.kind == "vertex" else mesh.visual.to_color()
+    return verts, np.asarray(mesh.faces), np.asarray(visual.vertex_colors, float)[:, :3]
+
+
+def stand(names: list[str], size: int, random: np.random.Generator) -> Cameras:
+    """Cameras of a whole turn, all from one random height."""
+    same = torch.ones(len(names), dtype=torch.float64)
+    azimuth = 360 / len(names) * torch.arange(len(names), dtype=torch.float64)
+    height, first = random.uniform(5, 40), random.uniform(0, 360)
+    return orbit_cameras(names, size, DISTANCE * same, height * same, azimuth + first)
+
+
+def photograph(
+    cameras: Cameras, verts: np.ndarray, faces: np.ndarray, colours: np.ndarray
+) -> tuple[np.ndarray, dict[str, Image.Image]]:
+    """Silhouettes, and pictures in which each pixel has the colour of the nearest vertex there."""
+    size = int(cameras.sizes[0, 0])
+    points = cameras.project(torch.as_tensor(verts))
+    alphas = soft_silhouettes(points.float(), torch.as_tensor(faces), (size, size), sigma=1e-8)
+    depths = cameras.depths(torch.as_tensor(verts)).numpy()
+    pictures = {}
+    for view, seen, depth in zip(cameras.views, points.numpy(), depths, strict=True):
+        order = np.argsort(-depth)  # the nearest is painted last
+        column, row = np.clip(seen[order].astype(int), 0, size - 1).T
+        picture = np.zeros((size, size, 3), np.uint8)
+        picture[row, column] = colours[order]
+        pictures[view] = Image.fromarray(picture)
+    return (alphas > 0.5).numpy(), pictures
+
+
+def measure_volume(hull: Hull, points: np.ndarray, inside: np.ndarray) -> float:
+    """Volume IoU of a hull and a truth, by points [n, 3] in the hull's world."""
+    at = (points - hull.origin) / hull.spacing
+    filled = map_coordinates(hull.field, at.T, order=1, mode="constant", cval=-1) > 0
+    return float((filled & inside).sum() / (filled | inside).sum())
+
+
+def run(name: str, other: str, size: int, seed: int, calibrated: bool) -> dict:
+    """One case: what was found, and how far from the truth it is."""
+    random = np.random.default_rng(seed)
+    verts, faces, colours = load(name)
+    turned, faces_b, colours_b = (verts, faces, colours) if other == name else load(other)
+    Q = Rotation.random(random_state=random).as_matrix()
+    moved = 0.9 * turned @ Q + random.uniform(-0.05, 0.05, 3)
+    names = [f"v{i:02}" for i in range(2 * VIEWS)]
+    sets = [stand(names[:VIEWS], size, random), stand(names[VIEWS:], size, random)]
+    shot = [
+        photograph(sets[0], verts, faces, colours),
+        photograph(sets[1], moved, faces_b, colours_b),
+    ]
+    silhouettes = np.concatenate([s for s, _ in shot])
+    pictures = shot[0][1] | shot[1][1]
+    views = [place_view(view, view, size, size, size, "pad") for view in names]
+    start = time.process_time()
+    if calibrated:
+        halves = [names[:VIEWS], names[VIEWS:]]
+        found = calibrate_sets(silhouettes, views, halves, pictures)
+    else:
+        attempts = [Attempt("given", cameras) for cameras in sets]
+        found = join_attempts(attempts, views, silhouettes, pictures)
+    seconds = time.process_time() - start
+    case = {"object": Path(name).stem, "seed": seed, "cpu_seconds": round(seconds, 1)}
+    if found.cameras is None:
+        return case | {"refused": found.refusal}
+    join = found.figures["joins"][0]
+    case |= {key: join[key] for key in ("coherence", "alone", "runner_up", "by", "ambiguous")}
+    case |= {key: join[key] for key in ("rivals", "revolution", "colours") if key in join}
+    if other != name:
+        return case
+    case["degrees_off"] = relative_error(sets, Q, found.cameras)
+    return case | (
+        {} if calibrated else compare_volumes(views, silhouettes, sets, found, verts, faces)
+    )
+
+
+def relative_error(sets: list[Cameras], Q: np.ndarray, found: Cameras) -> float:
+    """Degrees by which rotations from views of the first set to those of the second are off.
+
+    The median over the pairs of views; X = Q Y up to scale and shift.
+    """
+    true = torch.cat([sets[0].R, sets[1].R @ torch.as_tensor(Q.T)]).numpy()
+    here = found.R.numpy()
+    n = len(sets[0])
+    off = [
+        Rotation.from_matrix((true[j] @ true[i].T).T @ (here[j] @ here[i].T)).magnitude()
+        for i in range(n)
+        for j in range(n, len(true))
+    ]
+    return float(np.degrees(np.median(off)))
+
+
+def compare_volumes(
+    views: list[View],
+    silhouettes: np.ndarray,
+    sets: list[Cameras],
+    found: Attempt,
+    verts: np.ndarray,
+    faces: np.ndarray,
+) -> dict:
+    """Volume IoU with the truth of the hull of both sets and of the first alone."""
+    n = len(sets[0])
+    points = np.random.default_rng(0).uniform(verts.min(0) - 0.1, verts.max(0) + 0.1, (40_000, 3))
+    winding = np.abs(igl.fast_winding_number(verts, faces.astype(np.int64), points))
+    first = normalise(sets[0], silhouettes[:n]).similarity
+    there = first.apply(torch.as_tensor(points)).numpy()  # the joined world is the first's
+    hulls = {
+        "volume_iou": carve(silhouettes, found.cameras),
+        "volume_iou_first": carve(silhouettes[:n], found.cameras.select(range(n))),
+        "volume_iou_second": carve(silhouettes[n:], found.cameras.select(range(n, 2 * n))),
+    }
+    return {k: measure_volume(hull, there, winding > 0.5) for k, hull in hulls.items()}
+
+
+def main() -> None:
+    """Run the cases, print each, and write all."""
+    args = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    args.add_argument("--cases", type=int, default=20)
+    args.add_argument("--first", type=int, default=0, help="seed of the first case")
+    args.add_argument("--size", type=int, default=128, help="of the images, in pixels")
+    args.add_argument("--objects", nargs="*", default=OBJECTS)
+    args.add_argument("--scans", nargs="*", default=[], help="meshes, beside the made-up objects")
+    args.add_argument("--calibrate", action="store_true", help="find each set's cameras")
+    args.add_argument("--mismatched", action="store_true", help="the sets show different objects")
+    args.add_argument("--json", type=Path)
+    given = args.parse_args()
+    objects, cases = [*given.objects, *given.scans], []
+    for i in range(given.cases):
+        name, other = (objects[(i + k) % len(objects)] for k in (0, int(given.mismatched)))
+        case = run(name, other, given.size, given.first + i, given.calibrate)
+        cases.append(case)
+        print(json.dumps(case), flush=True)
+    if given.json:
+        given.json.write_text(json.dumps(cases, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,177 @@
+"""Of which rounds the silhouettes of a turntable are: of one, of those given, or of several.
+
+One round is tried first. Where it does not explain all views, so are the rounds that
+``silmesh.cameras.rounds`` proposes, and the fit that explains most views is taken.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from silmesh.cameras.consensus import Consensus
+from silmesh.cameras.rounds import (
+    Signs,
+    Split,
+    are_full_turns,
+    divide_by_agreement,
+    divide_evenly,
+    is_in_order,
+    propose,
+    repeats_first,
+)
+from silmesh.cameras.turntable_fit import (
+    REFUSED_AGREEING,
+    SUSPECT,
+    Given,
+    TurntableFit,
+    fit_most,
+    search,
+    solve,
+)
+from silmesh.cameras.turntable_residuals import Turntable
+from silmesh.cameras.turntable_rounds import fit_rounds
+from silmesh.progress import Share, untold
+from silmesh.settings.turntable import Turntable as Known
+
+SPLITS = 3  # ways to divide the photographs into rounds that are tried
+CLEARLY = 0.8  # of the views: if rounds explain so many, nothing else is tried
+# What has to change from round to round, in the order of ROUND, where more than the table turned:
+# degrees, pixels, the logarithm of the distance.
+MOVED = np.array([2.0, 2.0, 2.0, np.inf, 0.05, np.inf, np.inf])
+
+
+@dataclass(frozen=True)
+class Found:
+    """A fit, how far the views agree with it, and what it is of."""
+
+    fit: TurntableFit
+    verdict: Consensus | None
+    given: Given
+    split: Split | None = None
+
+    @property
+    def is_of_all(self) -> bool:
+        """Whether all views were fitted, so that none was told to disagree."""
+        return self.verdict is None or len(self.fit.turn.index) == len(self.verdict.agrees)
+
+    @property
+    def explained(self) -> int:
+        """How many views it explains."""
+        allowed = REFUSED_AGREEING * self.fit.turn.size / 256
+        return len(self.fit.turn.index) if self.fit.rms <= allowed else 0
+
+
+def fit_split(
+    turn: Turntable,
+    split: Split,
+    known: Sequence[Known],
+    silhouettes: np.ndarray,
+    above_table: bool,
+    fewest: float,
+    sure: bool,
+    progress: Share,
+) -> Found | None:
+    """Fit the rounds of a split; what is known of each comes in their order.
+
+    None if they are not sure and no round is coherent.
+    """
+    each = [
+        Given(len(views) - repeats_first(silhouettes[views]), one.step, one.elevation, above_table)
+        for views, one in zip(split.rounds, known, strict=True)
+    ]
+    given = replace(each[0], later=tuple(each[1:]))
+    found = fit_rounds(turn.in_rounds(split.rounds), given, fewest, sure, progress)
+    return Found(*found, given, split) if found else None
+
+
+def fit_any(
+    turn: Turntable,
+    given: Given,
+    silhouettes: np.ndarray,
+    signs: Callable[[], Signs | None],
+    fewest: float,
+    progress: Share,
+) -> Found:
+    """Fit one round and, where it does not explain all views, the rounds that they may be.
+
+    Rounds that are told clearly are tried before views of one round are told to be wrong; others
+    where one round does not explain most views.
+    """
+    rounds = _Rounds(turn, given, silhouettes, signs, fewest)
+    one = Found(*fit_most(turn, given, fewest, progress, rounds.try_clear), given)
+    if one.explained == 0:
+        rounds.try_others(one.verdict)
+    best = max(rounds.tried, key=lambda found: found.explained, default=one)
+    return best if best.explained > one.explained or best.fit is one.fit else one
+
+
+class _Rounds:
+    """Several rounds, and a full turn whose first view comes again, in place of one round."""
+
+    def __init__(
+        self,
+        turn: Turntable,
+        given: Given,
+        silhouettes: np.ndarray,
+        signs: Callable[[], Signs | None],
+        fewest: float,
+    ):
+        self.turn, self.given, self.silhouettes = turn, given, silhouettes
+        self.signs, self.fewest = signs, fewest
+        self.tried: list[Found] = []
+
+    @cached_property
+    def _told(self) -> list[Split]:
+        return propose(self.silhouettes, self.signs())
+
+    def try_clear(self) -> tuple[TurntableFit, Consensus | None] | None:
+        """A fit that explains most views, if there is one, of what is told clearly."""
+        if self.given.step is None and repeats_first(self.silhouettes):
+            full = replace(self.given, count=self.given.count - 1)
+            found = Found(solve(self.turn, search(self.turn, full), full), None, full)
+            self.tried.append(found)
+            if self._is_good(found):
+                return found.fit, found.verdict
+        return self._try([split for split in self._told if split.clear][:SPLITS])
+
+    def try_others(self, verdict: Consensus | None) -> None:
+        """Fit rounds that no sign tells, until a fit explains most views.
+
+        Args:
+            verdict: which views agree on one round
+        """
+        agrees = np.zeros(len(self.silhouettes), bool)
+        agrees[self.turn.index] = verdict is not None and verdict.agrees
+        told = [split for split in self._told if not split.clear]
+        turns = [split for split in told if are_full_turns(split, self.silhouettes)]
+        evenly = divide_evenly(self.silhouettes)
+        self._try([*divide_by_agreement(agrees), *turns, *evenly][:SPLITS])
+
+    def _try(self, splits: Sequence[Split]) -> tuple[TurntableFit, Consensus | None] | None:
+        for split in splits:
+            if not all(is_in_order(self.silhouettes[views]) for views in split.rounds):
+                continue
+            same = [Known(None, None, self.given.step) for _ in split.rounds]
+            above, fewest = self.given.above_table, self.fewest
+            found = fit_split(
+                self.turn, split, same, self.silhouettes, above, fewest, False, untold
+            )
+            if found and _moves(found.fit):
+                self.tried.append(found)
+                if self._is_good(found):
+                    return found.fit, found.verdict
+        return None
+
+    def _is_good(self, found: Found) -> bool:
+        coherent = found.fit.rms <= SUSPECT * self.turn.size / 256
+        return coherent and found.explained >= CLEARLY * len(self.turn.index)
+
+
+def _moves(fit: TurntableFit) -> bool:
+    """Whether the camera of any round stands elsewhere than that of the first."""
+    x, turn = fit.best.x, fit.turn
+    first = turn.parameters_of(x, 0)
+    later = [turn.parameters_of(x, number) - first for number in range(1, len(turn.rounds))]
+    return any((np.abs(own) > MOVED).any() for own in later)

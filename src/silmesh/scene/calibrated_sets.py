@@ -1,0 +1,105 @@
+"""Sets of photographs, each with the cameras of a turntable of its own, joined in one world."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+from PIL import Image
+
+from silmesh.cameras.attempt import Attempt
+from silmesh.cameras.calibrate import calibrate_views
+from silmesh.cameras.rounds import propose, read_signs
+from silmesh.cameras.sets import FEWEST
+from silmesh.progress import Share, untold, within
+from silmesh.scene.joined import join_attempts
+from silmesh.views import View
+
+SOURCE = "calibrate"
+MANY = 0.3  # of the views: if one turntable leaves out so many, sets are tried as well
+TRIED = 2  # proposals of sets that are tried at most, the clearest first
+
+
+def calibrate_sets(
+    silhouettes: np.ndarray,
+    views: Sequence[View],
+    sets: Sequence[Sequence[str]] = (),
+    pictures: Mapping[str, Image.Image] | None = None,
+    progress: Share = untold,
+    **known: float | bool | None,
+) -> Attempt:
+    """``calibrate_views``, each set by itself, and the sets joined.
+
+    Args:
+        silhouettes: [views, size, size] bool
+        views: these views, in the order in which they were taken
+        sets: the views of each set by their names; if there are none and no one turntable explains
+            most views, the sets that names, sizes, times or silhouettes of the photographs propose
+        pictures: the working images by the views' names
+        known: of the turntable, as ``calibrate`` takes it
+    """
+    if sets:
+        return _calibrate_each(silhouettes, views, _place(sets, views), pictures, progress, known)
+    whole = calibrate_views(silhouettes, views, progress=progress, **known)
+    if whole.cameras is not None and len(_disagreeing(whole)) < MANY * len(views):
+        return whole
+    tried = []
+    for split in propose(silhouettes, read_signs(views))[:TRIED]:
+        parts = [part.tolist() for part in split.rounds]
+        joined = _calibrate_each(silhouettes, views, parts, pictures, progress, known)
+        better = whole.cameras is None or len(_disagreeing(joined)) < len(_disagreeing(whole))
+        if joined.cameras is not None and better:
+            said = _say_taken(parts, views, split.because)
+            return replace(joined, warnings=(said, *joined.warnings))
+        tried.append(f"taken as {len(parts)} sets, by {split.because}: {joined.refusal}")
+    if whole.cameras is not None:
+        return whole
+    return replace(whole, refusal="; ".join([str(whole.refusal), *tried]))
+
+
+def _disagreeing(attempt: Attempt) -> Mapping[str, str]:
+    """The views that had no say, and why."""
+    return attempt.figures.get("disagreeing", {})
+
+
+def _say_taken(parts: Sequence[Sequence[int]], views: Sequence[View], why: str) -> str:
+    named = ", ".join(_name([views[i] for i in part]) for part in parts)
+    return (
+        f"cameras {SOURCE!r}: no one turntable explains all {len(views)} views, so they were "
+        f"taken as {len(parts)} sets, told apart by {why}: {named}"
+    )
+
+
+def _place(sets: Sequence[Sequence[str]], views: Sequence[View]) -> list[list[int]]:
+    """Positions of the views of each set, in the order of the views."""
+    place = {view.view: i for i, view in enumerate(views)}
+    return [sorted(place[name] for name in names) for names in sets]
+
+
+def _calibrate_each(
+    silhouettes: np.ndarray,
+    views: Sequence[View],
+    parts: Sequence[Sequence[int]],
+    pictures: Mapping[str, Image.Image] | None,
+    progress: Share,
+    known: Mapping[str, float | bool | None],
+) -> Attempt:
+    attempts = []
+    for n, part in enumerate(parts):
+        some = [views[i] for i in part]
+        if len(some) < FEWEST:
+            why = f"has {len(some)} views; a set that is joined with another takes {FEWEST} or more"
+            return _refuse(some, why)
+        share = within(progress, n / (len(parts) + 1), (n + 1) / (len(parts) + 1))
+        attempt = calibrate_views(silhouettes[list(part)], some, progress=share, **known)
+        if attempt.cameras is None:
+            return _refuse(some, f"taken by itself: {attempt.refusal}")
+        attempts.append(attempt)
+    return join_attempts(attempts, views, silhouettes, pictures)
+
+
+def _refuse(some: Sequence[View], why: str) -> Attempt:
+    return Attempt(SOURCE, None, refusal=f"cameras {SOURCE!r}: the set {_name(some)} {why}")
+
+
+def _name(some: Sequence[View]) -> str:
+    return f"{some[0].view!r} to {some[-1].view!r} ({len(some)} views)"
