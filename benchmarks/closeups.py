@@ -12,6 +12,7 @@ import argparse
 import json
 import time
 from collections.abc import Sequence
+from itertools import product
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -34,7 +35,7 @@ FAR = 1.9  # distance from the middle from which the frame holds the object
 NEAR = (0.2, 0.6)  # distances of close-ups from the object's foremost point
 STEP = 0.1  # back from where the object covers the border all around
 GREYS = 40, 200  # of the background and of the object
-KEYS = ("iou_mean", "iou_min", "hull_iou_mean", "volume_iou", "fit_seconds")
+KEYS = ("iou_mean", "iou_min", "hull_iou_mean", "volume_iou")
 
 
 def main() -> None:
@@ -46,19 +47,21 @@ def main() -> None:
     args.add_argument("--size", type=int, default=128, help="of the working images")
     args.add_argument("--threads", type=int, default=1)
     args.add_argument("--walks", nargs="*", default=["near", "far"])
+    args.add_argument("--vertices", type=int, nargs="*", default=[0], help="0: as many as it likes")
     given = args.parse_args()
     torch.set_num_threads(given.threads)
     objects = {name: make_object(name) for name in given.objects}
     objects |= {scan.stem: stand_upright(read_scan(scan)) for scan in given.scans}
     for name, mesh in objects.items():
-        for walk in given.walks:
-            row = measure(mesh, walk == "near", given.seed, given.size)
+        for walk, vertices in product(given.walks, given.vertices):
+            row = measure(mesh, walk == "near", given.seed, given.size, vertices or "auto")
             print(json.dumps({"object": name, "walk": walk, **row}), flush=True)
 
 
-def measure(mesh: trimesh.Trimesh, near: bool, seed: int, size: int) -> dict[str, float | str]:
-    """What becomes of one walk's photographs."""
-    start = time.perf_counter()
+def measure(
+    mesh: trimesh.Trimesh, near: bool, seed: int, size: int, vertices: int | str
+) -> dict[str, float | str]:
+    """What becomes of one walk's photographs; seconds are those of the CPU."""
     cameras = walk(mesh, near, seed)
     masks = see(mesh, cameras)
     told = {
@@ -68,18 +71,28 @@ def measure(mesh: trimesh.Trimesh, near: bool, seed: int, size: int) -> dict[str
     with TemporaryDirectory() as scratch:
         folder = Path(scratch)
         write(folder, cameras, masks)
+        start, fitting = time.process_time(), []
+
+        def tell(stage: str, share: float) -> None:
+            if stage == "fit":
+                fitting.append(time.process_time())
+
         try:
             result = silmesh.reconstruct(
                 folder / "photos",
                 folder / "masks",
                 folder / "cameras.json",
                 size=size,
+                settings={"init": {"vertices": vertices}},
+                progress=tell,
                 truth=trimesh.Trimesh(mesh.vertices, mesh.faces, process=True),
             )
         except InputError as error:
             return told | {"refused": str(error)}
     measured = {key: result.metrics[key] for key in KEYS}
-    return told | measured | {"views": len(result.cameras), "seconds": time.perf_counter() - start}
+    told |= {"views": len(result.cameras), "faces": len(result.mesh.faces)}
+    told |= {"steps": len(fitting), "fit_seconds": fitting[-1] - fitting[0]}
+    return told | measured | {"seconds": time.process_time() - start}
 
 
 def walk(mesh: trimesh.Trimesh, near: bool, seed: int) -> Cameras:

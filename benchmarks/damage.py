@@ -3,7 +3,7 @@
 Every function is pure: the same arguments give the same result, and what is given stays as it is.
 Silhouettes are [views, height, width] bool, frames [views, 4] left, top, right and bottom of the
 photographs within the images, in pixels. What is returned last are the positions of the views that
-were damaged, sorted.
+were damaged, sorted; but for damages of all views.
 """
 
 import zlib
@@ -95,6 +95,26 @@ def grow(masks: Masks, pixels: float, share: float = 1.0, seed: int = 0) -> tupl
         gap = ndimage.distance_transform_edt(masks[view] if inside else ~masks[view])
         out[view] = gap > -pixels if inside else gap <= pixels
     return out, wrong
+
+
+def cut_off(masks: Masks, share: float = 0.1) -> Masks:
+    """Cut the lowest share of the rows that any mask has off all masks, by one straight line."""
+    rows, left = np.flatnonzero(masks.any(axis=(0, 2))), masks.copy()
+    left[:, rows[-1] - round(share * len(rows)) :] = False
+    return left
+
+
+def put_on_plate(masks: Masks, share: float = 0.1, off: float = 3.0) -> Masks:
+    """Take a plate for the object in all masks: an ellipse about the lowest share of the rows.
+
+    Args:
+        off: pixels by which it stands beside the image's middle, where the axis is
+    """
+    rows, columns = (np.flatnonzero(masks.any(axis=axes)) for axes in ((0, 2), (0, 1)))
+    v, u = np.mgrid[: masks.shape[1], : masks.shape[2]] + 0.5
+    across = (u - masks.shape[2] / 2 - off) / (0.6 * len(columns))
+    down = (v - rows[-1]) / (share * len(rows)) + 0.5
+    return masks | (across**2 + down**2 < 1)
 
 
 def empty(masks: Masks, share: float, seed: int = 0) -> tuple[Masks, Positions]:

@@ -53,7 +53,7 @@ LONGEST = 600  # seconds of one case in such a process
 def read_given(case: Case) -> tuple[np.ndarray, object]:
     """The masks that are not empty, cropped to the frame that all photographs share."""
     shown = np.flatnonzero(case.given_masks.any(axis=(1, 2))).tolist()
-    return crop(case.given_masks[shown], case.given_cameras.select(shown), case.frames[0])
+    return crop(case.given_masks[shown], case.given_cameras.select(shown), case.frames[shown])[:2]
 
 
 def carve_hull(case: Case, steps: int) -> trimesh.Trimesh | None:

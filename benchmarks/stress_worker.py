@@ -40,7 +40,7 @@ def reconstruct(folder: Path, made: Path, quality: str = "auto") -> dict:
     return {
         "verdict": "doubtful" if doubts else "good",
         "said": "\n".join([describe(made, metrics, doubts), *doubts]),
-        "named": name_wrong(result.scene.describe()),
+        "named": name_wrong(result.scene.describe(), metrics.get("fit", {})),
         "iou_given": metrics["iou_mean"],
         "hull_iou": metrics["hull_iou_mean"],
         "initial": metrics["first"],
@@ -48,10 +48,10 @@ def reconstruct(folder: Path, made: Path, quality: str = "auto") -> dict:
     }
 
 
-def name_wrong(told: dict) -> list[str]:
-    """The views that are doubted, left out or believed less."""
+def name_wrong(told: dict, fit: dict) -> list[str]:
+    """The views that are doubted, left out or believed less, by the scene or by the fit alone."""
     less = [view for view, weight in told.get("weights", {}).items() if weight < 1]
-    return sorted({*told["doubtful"], *told["dropped"], *less})
+    return sorted({*told["doubtful"], *told["dropped"], *less, *fit.get("distrusted", ())})
 
 
 def main() -> None:

@@ -664,7 +664,7 @@ def _attempt_own(cameras: Cameras, views: Sequence[View]) -> Attempt:
 
     refuse_cameras(cameras)
     attempt = match(Path(OWN), cameras, views, Rules(working=True))
-    figures = {"file": OWN, "cameras": len(cameras), "written": WORLD_TO_CAMERA}
+    figures = {**attempt.figures, "file": OWN, "cameras": len(cameras), "written": WORLD_TO_CAMERA}
     return replace(attempt, figures=figures)
 
 

@@ -142,3 +142,17 @@ def test_the_frame_cuts_just_the_close_ups(masks, cameras, share):
 def test_fewer_views_are_spread_evenly():
     assert damage.thin_out(36, 4) == [0, 9, 18, 27]
     assert damage.thin_out(10, 4) == [0, 2, 5, 7]
+
+
+def test_all_masks_lose_the_same_rows_below(masks):
+    cut = damage.cut_off(masks, 0.1)  # of the 39 rows from 10 to 48 that any mask has
+    assert not cut[:, 44:].any()
+    assert (cut[:, :44] == masks[:, :44]).all()
+
+
+def test_the_plate_is_the_same_in_all_masks_and_below(masks):
+    added = damage.put_on_plate(masks, 0.1) & ~masks
+    plate = damage.put_on_plate(np.zeros_like(masks) | masks.any(axis=0), 0.1)
+    assert added.any(axis=(1, 2)).all()
+    assert not added[:, :42].any()
+    assert (added <= plate).all()

@@ -8,6 +8,7 @@ import torch
 from scenes import names, turntable
 from scipy.spatial.transform import Rotation
 
+from silmesh.cameras.attempt import read_attempt, write_attempt
 from silmesh.cameras.colmap import attempt_model, in_order
 from silmesh.cameras.stages import Report
 from silmesh.geometry.lens import Lens
@@ -94,6 +95,17 @@ def test_the_world_is_upright_and_its_first_camera_over_z(tmp_path):
     assert figures["in_order"] == 1
     assert figures["azimuths"]["v1"] == pytest.approx(30)
     assert attempt.warnings == ()
+
+
+def test_the_points_are_kept_in_the_world_of_the_cameras(tmp_path):
+    truth = turntable(COUNT, SIZE, 20)
+    write_model(tmp_path / "m", truth)
+    attempt = attempt_model("colmap", tmp_path / "m", report(), all_views())
+    write_attempt(tmp_path / "attempt", attempt)
+    points = read_attempt(tmp_path / "attempt").points
+    found = attempt.cameras.project(torch.as_tensor(points))
+    expected = replace(attempt.cameras, R=truth.R, t=truth.t).project(torch.as_tensor(POINTS))
+    torch.testing.assert_close(found, expected)
 
 
 def test_the_lens_is_kept(tmp_path):

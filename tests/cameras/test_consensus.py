@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scenes import silhouettes, turntable
 
-from silmesh.cameras.consensus import judge, suspect, thin_out
+from silmesh.cameras.consensus import SAMPLES, find_consensus, judge, suspect, thin_out
 from silmesh.cameras.silhouette_coherence import trace
 from silmesh.cameras.turntable_residuals import Turntable
 
@@ -73,3 +73,20 @@ def test_a_silhouette_that_jumps_between_its_neighbours_is_suspected():
 def test_views_are_thinned_out_evenly():
     assert thin_out(np.array([1, 3, 5]), 4).tolist() == [1, 3, 5]
     assert thin_out(np.arange(10) + 1, 5).tolist() == [1, 3, 5, 7, 9]
+
+
+def test_finding_who_agrees_tells_its_progress(ring, monkeypatch):
+    """Each sample tells its search's share of its own part, and none goes back."""
+    seen, x = ring
+    told = []
+
+    def search(sample, progress):
+        progress(0.5)
+        progress(1.0)
+        return x
+
+    monkeypatch.setattr("silmesh.cameras.consensus.TIGHT", 0.0)  # draw all samples
+    monkeypatch.setattr("silmesh.cameras.consensus.ROUNDS", 0)
+    random = np.random.default_rng(0)
+    find_consensus(turn_of(seen), search, np.arange(5), 2.0, random, told.append)
+    assert told == [i / (2 * SAMPLES) for i in range(1, 2 * SAMPLES + 1)]

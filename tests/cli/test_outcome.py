@@ -54,6 +54,10 @@ def test_a_few_silhouettes_that_colours_contradict_do_not_decide():
     assert find_doubts(GOOD | {"silhouettes_contradicted": ["a", "b"]}, Path("results")) == []
 
 
+def test_crumbs_of_a_hull_are_no_doubt():
+    assert find_doubts(GOOD | {"first": {"pieces": 9, "lost": 0.02}}, Path("results")) == []
+
+
 def test_photographs_that_are_left_out_are_named():
     lost = {"source": "calibrate", "dropped": dict.fromkeys("abcd", "empty")}
     changed = GOOD | {"views_dropped": 4, "views_repaired": 2, "cameras": lost}
@@ -112,6 +116,7 @@ def test_photographs_in_formats_that_are_not_read_count_among_all():
             "along the outlines of r0, r1, r2 and 9 more (12 of 72) the photographs change little",
         ),
         ({"watertight": False}, "not closed: try --init ellipsoid"),
+        ({"first": {"pieces": 2, "lost": 0.5}}, "comes in 2 pieces, 50% of the volume in the"),
     ],
 )
 def test_what_is_doubtful_is_said_with_what_to_do(change, advice):

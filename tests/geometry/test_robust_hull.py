@@ -6,7 +6,13 @@ import torch
 import trimesh
 from scenes import dome, silhouettes, turntable
 
-from silmesh.geometry.robust_hull import explains, find_uncovered, robust_carve
+from silmesh.geometry import robust_hull
+from silmesh.geometry.robust_hull import (
+    explains,
+    find_uncovered,
+    predict_held_out,
+    robust_carve,
+)
 from silmesh.geometry.visual_hull import carve
 
 AXES, CENTRE = (0.3, 0.4, 0.2), (0.05, -0.03, 0.02)
@@ -157,3 +163,22 @@ def test_what_a_hull_leaves_uncovered(egg):
     assert find_uncovered(hull, wider, cameras)[0] == pytest.approx(0.5, abs=0.05)
     assert explains(hull, seen, cameras)
     assert not explains(hull, wider, cameras)
+
+
+def test_of_noise_no_view_is_judged(egg, monkeypatch):
+    def refuse(*args):
+        raise AssertionError("bites are sought although no views agree")
+
+    monkeypatch.setattr(robust_hull, "_find_bites", refuse)
+    noise = np.random.default_rng(5).random(egg[1].shape) < 0.1
+    found = robust_carve(noise, egg[0], resolution=64)
+    assert not found.explained
+    assert found.distrusted == found.corrected == []
+
+
+def test_held_out_silhouettes_are_predicted_by_the_others(egg):
+    cameras, seen = egg
+    damaged = seen.copy()
+    damaged[7] = np.roll(seen[7], 40, axis=1)
+    assert predict_held_out(seen, cameras).min() > 0.9
+    assert predict_held_out(damaged, cameras)[7] < 0.3

@@ -5,16 +5,20 @@ import pytest
 import torch
 from scenes import dome, silhouettes
 
+from silmesh.cameras.attempt import Attempt
 from silmesh.errors import InputError
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.frame import is_cut, known_pixels
 from silmesh.geometry.silhouette_iou import coherence, silhouette_iou
 from silmesh.geometry.visual_hull import carve
+from silmesh.geometry.whereabouts import find_body
 from silmesh.scene.agreement import normalise
+from silmesh.scene.assemble import build_scene
 from silmesh.scene.outliers import find_outliers
 from silmesh.scene.scene import find_similarity
 from silmesh.scene.votes import count_denials
 from silmesh.shapes.ellipsoid import find_ellipsoid
+from silmesh.views import place_view
 
 SIZE, FRAME = 64, (8, 0, 56, 64)  # of the working images, and of portrait photographs in them
 AXES, CENTRE = np.array([0.35, 0.2, 0.25]), np.array([0.1, -0.05, 0.05])
@@ -93,6 +97,19 @@ def test_the_ellipsoid_of_cut_views_alone_is_where_most_of_them_see_it():
     assert np.linalg.norm(found.centre - CENTRE) < 0.15
     share = found.lengths(np.eye(3)) / AXES
     assert 0.55 < share.min() < share.max() < 1.2  # the ends, which few see, are left out
+
+
+def test_the_points_of_an_attempt_place_the_scene():
+    cameras, seen = walk(100)
+    sphere = np.random.default_rng(0).normal(size=(300, 3))
+    on = CENTRE + AXES * sphere / np.linalg.norm(sphere, axis=1, keepdims=True)
+    views = [place_view(view, "", 48, 64, SIZE, "pad") for view in cameras.views]
+    made = build_scene([Attempt("colmap", cameras, points=on)], views, seen).scene
+    placed, carved = find_body(cameras, seen, FRAMES, on), find_body(cameras, seen, FRAMES)
+    assert made.similarity.scale == pytest.approx(placed.scale)
+    assert np.linalg.norm(placed.centre.numpy() - CENTRE) < 0.03
+    assert np.linalg.norm(carved.centre.numpy() - CENTRE) > 0.03
+    assert (made.points == on).all()
 
 
 def test_views_that_have_no_place_in_common_are_refused():

@@ -82,3 +82,31 @@ def test_a_part_that_is_repaired_is_named_and_measured_and_one_that_stays_is_nam
     assert (decision.fates[5], decision.fates[7]) == ("repaired", "kept")
     assert (decision.verdict.reasons[5], decision.verdict.reasons[7]) == ("a part", "another")
     assert decision.changes[5] == (0, pytest.approx(1 - rest / area))
+
+
+@pytest.fixture(scope="module")
+def halves():
+    """The silhouettes of one body in every other view, and of a rod in the rest."""
+    cameras = dome(24, 48)
+    body = silhouettes(cameras, [0.45, 0.25, 0.3])
+    rod = silhouettes(cameras, [0.12, 0.45, 0.12], [0.2, 0.1, 0])
+    return np.where((np.arange(24) % 2 == 0)[:, None, None], body, rod), cameras
+
+
+def test_which_half_is_wrong_something_else_decides(halves):
+    suspects = list(range(0, 24, 2))
+    decision = decide("keep", 3, *halves, None, suspects=suspects)
+    assert decision.verdict.outliers == suspects
+    assert decision.fitted == list(range(1, 24, 2))
+
+
+def test_of_two_halves_none_is_named_where_nothing_decides(halves):
+    decision = decide("keep", 3, *halves, None)
+    assert len(decision.fitted) == 24
+
+
+def test_suspects_that_the_others_do_not_contradict_stay(scene):
+    truth, _, cameras = scene
+    decision = decide("keep", 3, truth, cameras, None, suspects=[1, 5])
+    assert decision.verdict.outliers == []
+    assert decision.fitted == list(range(COUNT))

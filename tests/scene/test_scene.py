@@ -96,10 +96,12 @@ def test_a_scene_is_read_as_it_was_written(tmp_path):
     agreement = np.array([0.5, 0.75, 1.0])
     seen = np.random.default_rng(0).random((3, 4, 4)) > 0.5
     straight = undistort(cameras, np.ones((3, 4, 4), bool))
-    made = Scene(cameras, similarity, seen, agreement, {"cameras": "file"})
+    points = np.random.default_rng(1).random((5, 3))
+    made = Scene(cameras, similarity, seen, agreement, {"cameras": "file"}, points=points)
     write_scene(tmp_path / "scene", made, tmp_path, straight)
     loaded = load_scene(tmp_path / "scene")
     assert (loaded.silhouettes == seen).all()
+    assert (loaded.points == points).all()
     assert loaded.describe() == made.describe()
     read, transform, scene = read_scene(tmp_path / "scene")
     torch.testing.assert_close(read.t, cameras.t)

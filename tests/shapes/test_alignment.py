@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
-from scenes import turntable
+from scenes import dome, silhouettes, turntable
+from scipy.ndimage import gaussian_filter
 
 from silmesh.settings.init import Init
 from silmesh.shapes.alignment import align_to_box, choose_count, choose_report_count
@@ -107,3 +108,13 @@ def test_a_star_is_detail():
     star = np.hypot(rows, columns) < 40 + 15 * np.cos(6 * angle)
     disc = np.hypot(rows, columns) < np.sqrt(star.sum() / np.pi)
     assert choose_count(star[None]) > 1.5 * choose_count(disc[None])
+
+
+@pytest.mark.parametrize("axes", [(0.35, 0.35, 0.35), (0.45, 0.08, 0.3)])
+@pytest.mark.parametrize(("blur", "noise"), [(0, 0.3), (1, 0.1), (1.5, 0.2), (4, 0.1)])
+def test_small_thresholded_photographs_get_no_more_vertices_than_sharp_ones(axes, blur, noise):
+    """Noise of a sensor on soft and on sharp edges, in photographs of 128 pixels."""
+    seen = silhouettes(dome(24, 128), axes)
+    soft = [gaussian_filter(s.astype(float), blur) for s in seen]
+    noisy = np.stack(soft) + np.random.default_rng(0).normal(0, noise, seen.shape) > 0.5
+    assert choose_count(noisy) <= 1.05 * choose_count(seen)

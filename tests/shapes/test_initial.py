@@ -2,8 +2,9 @@ from itertools import repeat
 
 import numpy as np
 import pytest
+import torch
 import trimesh
-from scenes import silhouettes, turntable
+from scenes import dome, silhouettes, turntable
 
 from silmesh.errors import InputError
 from silmesh.geometry.overlap import mean_iou
@@ -13,7 +14,7 @@ from silmesh.settings.init import Init
 from silmesh.shapes.carved import hull_mesh
 from silmesh.shapes.choose import LATEST, ROUNDS, VIEWS, score_meshes
 from silmesh.shapes.downsample import downsample, render
-from silmesh.shapes.initial import PLACED, SHAPES, make_initial_mesh
+from silmesh.shapes.initial import PLACED, SHAPES, _compare_scale, make_initial_mesh
 
 SIZE = 96
 AXES, CENTRE = (0.2, 0.35, 0.15), (0.1, -0.05, 0.05)
@@ -216,6 +217,34 @@ def test_a_fit_does_not_start_from_a_splinter():
     assert first.notes["shape"] == best == "ellipsoid"
     assert "the initial mesh is the ellipsoid: its IoU" in first.notes["warnings"][-1]
     assert first.notes["iou_mean"] == pytest.approx(starts["ellipsoid"]["iou"], abs=0.02)
+
+
+def test_close_ups_make_triangles_smaller_by_the_mean_area_of_all_pixels():
+    """Of every other view a pixel has a quarter of the area: 1 / (1/2 + 1/2 * 1/4) = 1.6."""
+    cameras, zoom = dome(10, SIZE), torch.eye(3, dtype=torch.float64).repeat(10, 1, 1)
+    zoom[1::2, 0, 0] = zoom[1::2, 1, 1] = 2
+    nearer = cameras.in_pixels_of(zoom, cameras.sizes)
+    assert _compare_scale(nearer, np.arange(0, 10, 2)) == pytest.approx(1.6)
+    assert _compare_scale(nearer, np.arange(10)) == 1
+    assert _compare_scale(nearer, np.arange(1, 10, 2)) == 1  # what is whole is the nearer
+
+
+def test_a_prism_is_judged_but_replaced_only_where_it_is_a_splinter():
+    """Of a body it is coarse, and stays; of two balls with a gap between it is one of them."""
+    cameras = turntable(12, SIZE, elevation=10)
+    asked = Init(shape="prism", vertices=300)
+    whole = make_initial_mesh(asked, silhouettes(cameras, AXES, CENTRE), cameras).notes
+    assert whole["shape"] == "prism"
+    assert whole["starts"]["prism"]["kept"] == 1
+    assert whole["starts"]["prism"]["iou"] == pytest.approx(whole["iou_mean"])
+    balls = [silhouettes(cameras, [0.18] * 3, [x, 0, 0]) for x in (-0.24, 0.24)]
+    seen = balls[0] | balls[1] | silhouettes(cameras, [0.4, 0.06, 0.06])
+    seen[:, :, SIZE // 2 - 2 : SIZE // 2 + 2] = False
+    notes = make_initial_mesh(asked, seen, cameras).notes
+    assert set(notes["starts"]) == {"prism", "ellipsoid"}
+    assert notes["starts"]["prism"]["kept"] < 0.95
+    best = max(notes["starts"], key=lambda shape: notes["starts"][shape]["iou"])
+    assert notes["shape"] == best
 
 
 def test_views_that_lose_their_weight_are_named():

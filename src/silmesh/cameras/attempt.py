@@ -1,7 +1,8 @@
 """An attempt at an object's cameras: what one source gave, or why it gave nothing.
 
-On disk it is a folder with ``report.json`` and, unless the source was refused, ``cameras.json``.
-A refusal is kept and not raised, so that another source may be tried beside it.
+On disk it is a folder with ``report.json`` and, unless the source was refused, ``cameras.json``,
+and ``points.npy`` if the source has points. A refusal is kept and not raised, so that another
+source may be tried beside it.
 """
 
 import json
@@ -10,10 +11,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from silmesh.files import making
 from silmesh.geometry.camera import Cameras, read_cameras, write_cameras
 
-CAMERAS, REPORT = "cameras.json", "report.json"
+CAMERAS, REPORT, POINTS = "cameras.json", "report.json", "points.npy"
 FILE = "file"  # the source that an attempt names whose cameras were read from a file
 WORLD_TO_CAMERA = "world to camera"  # how a file writes poses
 CAMERA_TO_WORLD = "camera to world"
@@ -43,6 +46,7 @@ class Attempt:
         mirrored: their world is the mirror image of the source's own, with z negated (``MIRROR``)
         signless: they come of matrices whose sign is free: where the object lies tells it
         doubt: what speaks against them, in a sentence, unless the silhouettes agree with them
+        points: [n, 3] that the source found beside the cameras, in their world; None if it has none
     """
 
     source: str
@@ -54,6 +58,7 @@ class Attempt:
     mirrored: bool = False
     signless: bool = False
     doubt: str | None = None
+    points: np.ndarray | None = None
 
 
 def write_attempt(folder: Path, attempt: Attempt) -> None:
@@ -71,6 +76,8 @@ def write_attempt(folder: Path, attempt: Attempt) -> None:
     with making(folder) as part:
         if attempt.cameras is not None:
             write_cameras(part / CAMERAS, attempt.cameras)
+            if attempt.points is not None:
+                np.save(part / POINTS, attempt.points)
         (part / REPORT).write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
 
 
@@ -79,4 +86,6 @@ def read_attempt(folder: Path) -> Attempt:
     report = json.loads((folder / REPORT).read_text(encoding="utf-8"))
     refused = report["refusal"] is not None
     report["warnings"] = tuple(report["warnings"])
-    return Attempt(cameras=None if refused else read_cameras(folder / CAMERAS), **report)
+    cameras = None if refused else read_cameras(folder / CAMERAS)
+    file = folder / POINTS
+    return Attempt(cameras=cameras, points=np.load(file) if file.is_file() else None, **report)

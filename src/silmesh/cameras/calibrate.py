@@ -7,15 +7,18 @@ what else a person should know of the result.
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 import torch
 from scipy.optimize import OptimizeResult
 
+from silmesh.cameras.arcs import CUT, find_without_arcs
 from silmesh.cameras.attempt import CHECK_SERIES, Attempt
 from silmesh.cameras.consensus import Consensus
+from silmesh.cameras.crop_fit import CropFit
+from silmesh.cameras.frontier import SCALE
 from silmesh.cameras.rounds import (
     Signs,
     describe_short,
@@ -23,6 +26,7 @@ from silmesh.cameras.rounds import (
     read_signs,
 )
 from silmesh.cameras.silhouette_coherence import Misses, distance_between, trace
+from silmesh.cameras.trying_crops import Crops
 from silmesh.cameras.trying_rounds import Found, fit_any, fit_split
 from silmesh.cameras.turntable_fit import (
     FEWEST_AGREEING,
@@ -103,6 +107,23 @@ class Round:
 
 
 @dataclass(frozen=True)
+class Crop:
+    """How a view was cropped, against the camera that stands still.
+
+    Attributes:
+        shift: x and y in pixels of the silhouettes, at the image's middle
+        scale: about 1 in the mean, in pixels of the photographs
+        shift_sd: standard deviations of the shift
+        scale_sd: of the scale, in parts of it; 0 if the views were not scaled
+    """
+
+    shift: tuple[float, float]
+    scale: float
+    shift_sd: tuple[float, float]
+    scale_sd: float
+
+
+@dataclass(frozen=True)
 class Calibration:
     """Cameras found, and how far to trust them.
 
@@ -111,7 +132,7 @@ class Calibration:
         estimates: ``elevation`` of the camera above the table; ``roll`` of the axis in the image,
             clockwise; ``axis``, its column at the row ``row``; ``half_angle`` of view over half of
             the image's side; ``step`` from view to view, negative where the turning is opposite
-            to ``turntable_cameras``
+            to ``turntable_cameras``; no ``axis`` where the views were cropped
         row: the middle of the silhouettes, in pixels
         direction_certain: whether the other direction fits clearly worse
         mirror: what tells the object from its mirror image: ``perspective``, ``table`` (the camera
@@ -124,6 +145,7 @@ class Calibration:
         warnings: what a person should know, in sentences
         rounds: what was found of each round, if there are several
         rounds_because: what tells them apart
+        crops: of each view with an outline, if the views were cropped one by one
     """
 
     cameras: Cameras
@@ -138,6 +160,7 @@ class Calibration:
     warnings: tuple[str, ...]
     rounds: tuple[Round, ...] = ()
     rounds_because: str = ""
+    crops: dict[str, Crop] = field(default_factory=dict)
 
 
 def calibrate(
@@ -149,13 +172,15 @@ def calibrate(
     above_table: bool = True,
     aspect: float = 1.0,
     frames: np.ndarray | None = None,
+    scales: np.ndarray | None = None,
     rounds: Sequence[Known] = (),
     signs: Callable[[], Signs | None] = lambda: None,
     progress: Share = untold,
 ) -> Calibration:
     """Find the cameras of a turntable.
 
-    If no turn of one round explains all silhouettes, rounds are tried that the photographs show.
+    If no turn of one round explains all silhouettes, it is tried whether each view was cropped by
+    itself, and rounds that the photographs show.
 
     Args:
         silhouettes: [views, size, size] bool, in the order in which the views were taken; an empty
@@ -170,6 +195,8 @@ def calibrate(
         aspect: height over width of a square's image, for photographs that were stretched
         frames: [views, 4] left, top, right and bottom of the photographs within the images: beyond
             them nothing is known; the whole images if not given
+        scales: [views, 2] pixels of the images for one of the photographs, in x and in y; all
+            alike if not given
         rounds: what is known of each round, if there are several: in place of ``step``,
             ``elevation`` and ``distance``
         signs: gives what the photographs say of rounds beside their silhouettes
@@ -191,13 +218,16 @@ def calibrate(
     if split:
         found = fit_split(turn, split, rounds, silhouettes, above_table, fewest, True, progress)
     else:
-        found = fit_any(turn, given, silhouettes, signs, fewest, progress)
+        crops = Crops(silhouettes, frames, scales)
+        found = fit_any(turn, given, silhouettes, signs, crops, fewest, progress)
     progress(1)
     if found.is_of_all:
         _refuse_incoherent(found, repeated, signs)
     verdict = None if found.is_of_all else found.verdict
     disagreeing = {views[i]: FULL for i in full} | _name_disagreeing(verdict, named)
-    said = [*repeated, *_warn_of_disagreement(disagreeing, views), *_find_cut(turn, named)]
+    said = [*repeated, *_warn_of_disagreement(disagreeing, views)]
+    if not (found.crops and found.crops.cropped.whole.all()):
+        said += _find_cut(turn, named)
     pixels = {} if verdict is None else dict(zip(shown, verdict.pixels, strict=True))
     return _report(found, views, pixels, disagreeing, said)
 
@@ -218,6 +248,7 @@ def calibrate_views(
         [view.view for view in views],
         aspect=float(scale[1, 1] / scale[0, 0]),
         frames=np.array([view.frame for view in views]),
+        scales=np.array([np.diag(view.pixel_map)[:2] for view in views]),
         signs=lambda: read_signs(views),
         **known,
     )
@@ -230,7 +261,7 @@ def attempt_calibration(
 ) -> Attempt:
     """``calibrate`` with the same arguments, as an attempt: a refusal is kept, not raised."""
     try:
-        found = calibrate(silhouettes, views, **known)
+        found = find_without_arcs(calibrate, silhouettes, views, **known)
     except InputError as error:
         return Attempt("calibrate", None, refusal=str(error))
     figures = {
@@ -246,6 +277,8 @@ def attempt_calibration(
     if found.rounds:
         figures["rounds_because"] = found.rounds_because
         figures["rounds"] = [asdict(one) for one in found.rounds]
+    if found.crops:
+        figures["crops"] = {view: asdict(crop) for view, crop in found.crops.items()}
     return Attempt("calibrate", found.cameras, warnings=found.warnings, figures=figures)
 
 
@@ -297,7 +330,7 @@ def _find_cut(turn: Turntable, views: Sequence[str]) -> list[str]:
     if not len(cut):
         return []
     names = name_some([repr(views[i]) for i in cut])
-    return [f"the frame cuts the object in {len(cut)} of {len(views)} views: {names}"]
+    return [f"{CUT} {len(cut)} of {len(views)} views: {names}"]
 
 
 def _name_disagreeing(verdict: Consensus | None, views: Sequence[str]) -> dict[str, str]:
@@ -362,8 +395,15 @@ def _report(
     *camera, own = turn.cameras_at(best.x, count)
     alike = distance_between(turn.outlines) < ALIKE
     free = free_parameters(turn, given.known, offsets=bool(own.any()))
-    sd = _find_deviations(turn, best, misses, given.known, free, alike)
+    crops: dict[str, Crop] = {}
+    if found.crops:
+        sd, own_sd = found.crops.deviations(given.known)
+        crops = _describe_crops(found.crops, own_sd, views)
+    else:
+        sd = _find_deviations(turn, best, misses, given.known, free, alike)
     estimates = _estimate(best.x, sd, given.known)
+    if crops:  # the camera before the crops looks at the axis
+        del estimates["axis"]
     rounds = _describe_rounds(turn, best.x, sd, given.known, views)
     view_rms = np.zeros(count)
     view_rms[list(pixels)] = list(pixels.values())
@@ -372,11 +412,15 @@ def _report(
         for r, k in zip(misses.pixels, turn.outlines.known, strict=True)
     ]
     K, R, t = map(torch.as_tensor, camera)
-    cameras = Cameras(tuple(views), torch.full((count, 2), turn.size), K.repeat(count, 1, 1), R, t)
+    K = K.repeat(count, 1, 1)
+    if found.crops:
+        K = torch.as_tensor(found.crops.maps_of(count)) @ K
+    cameras = Cameras(tuple(views), torch.full((count, 2), turn.size), K, R, t)
     certain = not alike and all(x[STEP] * best.x[STEP] > 0 for x in fit.rivals)
     because = found.split.because if found.split else ""
     warnings = [
         *_say_rounds(rounds, because),
+        *_say_crops(crops),
         *said,
         *([LATHE] if alike else _warn_of_estimates(estimates)),
         *([] if alike else _warn_of_rivals(estimates, fit.rivals, certain, fit.mirror)),
@@ -385,7 +429,7 @@ def _report(
     ]
     return Calibration(
         cameras, estimates, turn.row, certain, fit.mirror, fit.rms, view_rms, disagreeing, own,
-        tuple(warnings), rounds, because,
+        tuple(warnings), rounds, because, crops,
     )  # fmt: skip
 
 
@@ -470,6 +514,40 @@ def _say_rounds(rounds: Sequence[Round], because: str) -> list[str]:
         for one in rounds
     )
     return [f"the photographs are taken to be {len(rounds)} rounds, told {because}: {said}"]
+
+
+def _describe_crops(fit: CropFit, sd: np.ndarray, views: Sequence[str]) -> dict[str, Crop]:
+    """The crop of each view with an outline."""
+    middle = fit.cropped.turn.size / 2
+    crops = fit.cropped.split(fit.x)[1]
+    maps = fit.cropped.at(fit.x)[0].maps
+    shifts = maps[:, 1] + (maps[:, 0] - 1) * middle
+    return {
+        views[i]: Crop(
+            tuple(shift.tolist()),
+            float(np.exp(crop[SCALE])),
+            tuple(one[:SCALE].tolist()),
+            float(one[SCALE]),
+        )
+        for i, shift, crop, one in zip(fit.cropped.turn.index, shifts, crops, sd, strict=True)
+    }
+
+
+def _say_crops(crops: dict[str, Crop]) -> list[str]:
+    """A sentence that says that the views were cropped, if they were."""
+    if not crops:
+        return []
+    scales = [crop.scale for crop in crops.values()]
+    shifts = np.array([crop.shift for crop in crops.values()])
+    sd = np.median([[*crop.shift_sd, crop.scale_sd] for crop in crops.values()], axis=0)
+    scaled = max(scales) > min(scales)
+    said = f", scaled from {min(scales):.2f} to {max(scales):.2f} (+- {sd[2]:.1%})" * scaled
+    x, y = np.ptp(shifts, axis=0)
+    return [
+        f"the photographs are taken to be cropped one by one: shifted by up to {x:.1f} and {y:.1f} "
+        f"pixels of the working images against each other (+- {sd[0]:.1f} and {sd[1]:.1f}){said}; "
+        "photographs that were not cropped tell more"
+    ]
 
 
 def _warn_of_phases(turn: Turntable, x: np.ndarray, rivals: Sequence[np.ndarray]) -> list[str]:

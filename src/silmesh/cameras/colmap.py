@@ -25,6 +25,7 @@ from silmesh.views import View
 
 REGISTERED = 0.5  # least share of the views that must have a camera
 POINTS = 60  # least number of points that the model must have
+MOST_POINTS = 20_000  # of a model that are kept beside its cameras
 TURNED = 10.0  # degrees: least greatest angle between two viewing directions
 BLURRED = 1.5  # pixels per 1000 of the image: mean reprojection error from which to warn
 SHORT = 2.5  # mean number of views that see a point, below which to warn
@@ -67,7 +68,8 @@ def attempt_model(source: str, model: Path, report: Report, views: Sequence[View
     figures["dropped_because"] = count_reasons(cameras.views, views, report)
     said = [f"{where}: {line}" for line in warn(figures, cameras, views, dropped)]
     warnings = (*report.warnings, *said)
-    return Attempt(source, cameras, None, dropped, warnings, figures)
+    points = gather_points(found) @ Q.numpy().T
+    return Attempt(source, cameras, None, dropped, warnings, figures, points=points)
 
 
 def measure(found: pycolmap.Reconstruction, count: int) -> dict[str, float]:
@@ -156,6 +158,13 @@ def in_working_pixels(
     )
     maps = torch.as_tensor(np.stack([view.pixel_map for view in of_images]))
     return cameras.in_pixels_of(maps, torch.tensor([[view.size, view.size] for view in of_images]))
+
+
+def gather_points(found: pycolmap.Reconstruction) -> np.ndarray:
+    """The model's points [n, 3] in its world; of very many every second, third, ..."""
+    numbers = sorted(found.points3D)
+    chosen = numbers[:: 1 + len(numbers) // MOST_POINTS]
+    return np.array([found.points3D[number].xyz for number in chosen]).reshape(-1, 3)
 
 
 def lens(camera: pycolmap.Camera) -> Lens | None:

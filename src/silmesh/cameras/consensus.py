@@ -24,6 +24,7 @@ import numpy as np
 
 from silmesh.cameras.silhouette_coherence import Outlines
 from silmesh.cameras.turntable_residuals import Turntable
+from silmesh.progress import Share, untold, within
 
 FEWEST = 6  # views; of fewer none can be told to be wrong
 HALF = 0.55  # of the views: those nearest to a geometry, by which it is judged and found anew
@@ -65,23 +66,26 @@ class Consensus:
 
 def find_consensus(
     turn: Turntable,
-    search: Callable[[Turntable], np.ndarray],
+    search: Callable[[Turntable, Share], np.ndarray],
     free: np.ndarray,
     limit: float,
     random: np.random.Generator,
+    progress: Share = untold,
 ) -> Consensus:
     """Find the geometry that most views agree on.
 
     Args:
         turn: all views that have an outline, at least ``FEWEST``
-        search: finds the parameters of some views from nothing
+        search: finds the parameters of some views from nothing, and tells which share is done
         free: positions of the parameters that may change, without offsets
         limit: pixels from which a view disagrees in any case
+        progress: is told which share is done, if all samples have to be drawn
     """
     suspicion, best = suspect(turn.outlines), None
     for attempt in range(SAMPLES):
         sample = _draw(suspicion, random if attempt else None)
-        found = _optimise(turn, search(turn.select(sample)), sample, free, limit)
+        told = within(progress, attempt / SAMPLES, (attempt + 1) / SAMPLES)
+        found = _optimise(turn, search(turn.select(sample), told), sample, free, limit)
         if best is None or found.spread < best.spread:
             best = found
         if best.spread <= TIGHT:

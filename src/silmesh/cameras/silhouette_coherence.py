@@ -71,6 +71,7 @@ def trace(
     samples: int,
     views: Sequence[str],
     frames: np.ndarray | None = None,
+    reach: float = REACH,
 ) -> Outlines:
     """Trace the outlines of silhouettes, [views, height, width] bool, at ``samples`` points each.
 
@@ -78,6 +79,7 @@ def trace(
         views: their names, for messages
         frames: [views, 4] left, top, right and bottom of the photographs within the images; the
             whole images if not given
+        reach: share of the image's side beyond which distances are cut off
 
     Raises:
         InputError: a silhouette is empty or fills its image
@@ -86,7 +88,7 @@ def trace(
         if s.all() or not s.any():
             what = "fills its image" if s.any() else "is empty"
             raise InputError(f"the silhouette of view {view!r} {what}; it has no outline")
-    far = REACH * max(silhouettes.shape[1:])
+    far = reach * max(silhouettes.shape[1:])
     with ThreadPoolExecutor(torch.get_num_threads()) as pool:
         distances = np.stack(list(pool.map(lambda s: _measure_distance(s, far), silhouettes)))
     points = np.stack([_spread_points(d, samples) for d in distances])
@@ -152,11 +154,35 @@ class Pose:
     middle: np.ndarray
 
 
-def make_pose(K: np.ndarray, R: np.ndarray, t: np.ndarray, points: np.ndarray) -> Pose:
-    """Prepare cameras with K [3, 3] of all, R [views, 3, 3], t [views, 3] and outline points."""
+def make_pose(
+    K: np.ndarray,
+    R: np.ndarray,
+    t: np.ndarray,
+    points: np.ndarray,
+    maps: np.ndarray | None = None,
+) -> Pose:
+    """Prepare cameras and the points of outlines.
+
+    Args:
+        K: [3, 3] of all, or one each
+        R: [views, 3, 3]
+        t: [views, 3]
+        points: [views, samples, 2] pixels
+        maps: [views, 2, 2] scale (x, y) and shift (x, y) by which each view was cropped, if any was
+    """
     P = K @ np.concatenate([R, t[:, :, None]], axis=2)
-    rays = np.concatenate([points, np.ones_like(points[..., :1])], axis=2) @ np.linalg.inv(K).T
+    if maps is not None:
+        scale, shift = maps[:, 0], maps[:, 1]
+        points = uncrop(points, maps)
+        P[:, :2] = scale[:, :, None] * P[:, :2] + shift[:, :, None] * P[:, 2:]
+    rays = np.concatenate([points, np.ones_like(points[..., :1])], axis=2)
+    rays = rays @ np.linalg.inv(K).swapaxes(-1, -2)
     return Pose(P, -np.einsum("vji,vj->vi", R, t), rays @ R, np.ascontiguousarray(t[:, 2]))
+
+
+def uncrop(points: np.ndarray, maps: np.ndarray) -> np.ndarray:
+    """Where points [views, n, 2] of cropped views lie in the images before the crop."""
+    return (points - maps[:, 1, None]) / maps[:, 0, None]
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 """Of which rounds the silhouettes of a turntable are: of one, of those given, or of several.
 
-One round is tried first. Where it does not explain all views, so are the rounds that
-``silmesh.cameras.rounds`` proposes, and the fit that explains most views is taken.
+One round is tried first. Where it does not explain all views, so are crops of each view
+(``silmesh.cameras.trying_crops``) and the rounds that ``silmesh.cameras.rounds`` proposes. The fit
+that explains most views is taken.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,6 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from silmesh.cameras.consensus import Consensus
+from silmesh.cameras.crop_fit import CropFit
 from silmesh.cameras.rounds import (
     Signs,
     Split,
@@ -21,6 +23,7 @@ from silmesh.cameras.rounds import (
     propose,
     repeats_first,
 )
+from silmesh.cameras.trying_crops import Crops
 from silmesh.cameras.turntable_fit import (
     REFUSED_AGREEING,
     SUSPECT,
@@ -36,7 +39,7 @@ from silmesh.progress import Share, untold
 from silmesh.settings.turntable import Turntable as Known
 
 SPLITS = 3  # ways to divide the photographs into rounds that are tried
-CLEARLY = 0.8  # of the views: if rounds explain so many, nothing else is tried
+CLEARLY = 0.8  # of the views: if a fit explains so many, nothing else is tried
 # What has to change from round to round, in the order of ROUND, where more than the table turned:
 # degrees, pixels, the logarithm of the distance.
 MOVED = np.array([2.0, 2.0, 2.0, np.inf, 0.05, np.inf, np.inf])
@@ -50,6 +53,7 @@ class Found:
     verdict: Consensus | None
     given: Given
     split: Split | None = None
+    crops: CropFit | None = None
 
     @property
     def is_of_all(self) -> bool:
@@ -91,24 +95,25 @@ def fit_any(
     given: Given,
     silhouettes: np.ndarray,
     signs: Callable[[], Signs | None],
+    crops: Crops,
     fewest: float,
     progress: Share,
 ) -> Found:
-    """Fit one round and, where it does not explain all views, the rounds that they may be.
+    """Fit one round and, where it does not explain all views, the crops or rounds they may be.
 
-    Rounds that are told clearly are tried before views of one round are told to be wrong; others
-    where one round does not explain most views.
+    What is told clearly is tried before views of one round are told to be wrong; the rest where
+    one round does not explain most views.
     """
-    rounds = _Rounds(turn, given, silhouettes, signs, fewest)
+    rounds = _Rounds(turn, given, silhouettes, signs, crops, fewest)
     one = Found(*fit_most(turn, given, fewest, progress, rounds.try_clear), given)
-    if one.explained == 0:
+    if one.explained < CLEARLY * len(turn.index):
         rounds.try_others(one.verdict)
     best = max(rounds.tried, key=lambda found: found.explained, default=one)
     return best if best.explained > one.explained or best.fit is one.fit else one
 
 
 class _Rounds:
-    """Several rounds, and a full turn whose first view comes again, in place of one round."""
+    """Several rounds, crops, or a turn whose first view comes again, in place of one round."""
 
     def __init__(
         self,
@@ -116,10 +121,11 @@ class _Rounds:
         given: Given,
         silhouettes: np.ndarray,
         signs: Callable[[], Signs | None],
+        crops: Crops,
         fewest: float,
     ):
         self.turn, self.given, self.silhouettes = turn, given, silhouettes
-        self.signs, self.fewest = signs, fewest
+        self.signs, self.crops, self.fewest = signs, crops, fewest
         self.tried: list[Found] = []
 
     @cached_property
@@ -134,10 +140,12 @@ class _Rounds:
             self.tried.append(found)
             if self._is_good(found):
                 return found.fit, found.verdict
+        if self.crops.told and (found := self._try_crops()):
+            return found.fit, found.verdict
         return self._try([split for split in self._told if split.clear][:SPLITS])
 
     def try_others(self, verdict: Consensus | None) -> None:
-        """Fit rounds that no sign tells, until a fit explains most views.
+        """Fit rounds and crops that no sign tells, until a fit explains most views.
 
         Args:
             verdict: which views agree on one round
@@ -147,7 +155,21 @@ class _Rounds:
         told = [split for split in self._told if not split.clear]
         turns = [split for split in told if are_full_turns(split, self.silhouettes)]
         evenly = divide_evenly(self.silhouettes)
-        self._try([*divide_by_agreement(agrees), *turns, *evenly][:SPLITS])
+        good = self._try([*divide_by_agreement(agrees), *turns, *evenly][:SPLITS])
+        if not good and not self.crops.told:
+            self._try_crops()
+
+    def _try_crops(self) -> Found | None:
+        """The crops, if they explain most views; where nothing tells them, all but exactly."""
+        fit = self.crops.fit(self.turn, self.given)
+        if fit is None:
+            return None
+        found = Found(*fit.as_turntable(), self.given, crops=fit)
+        enough = found.explained >= CLEARLY * len(self.turn.index)
+        if not enough or not (self.crops.told or self._is_good(found)):
+            return None
+        self.tried.append(found)
+        return found
 
     def _try(self, splits: Sequence[Split]) -> tuple[TurntableFit, Consensus | None] | None:
         for split in splits:

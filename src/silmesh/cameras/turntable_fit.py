@@ -33,6 +33,7 @@ COARSE_STEPS, FINE_STEPS, OFFSET_STEPS = 12, 20, 6
 # Shares of the run time after which the search, the refinement and the mirror test end, which
 # the progress bar shows.
 SEARCHED, REFINED, RESOLVED = 0.5, 0.75, 0.8
+AGREED = 0.9  # and after which it is found which views agree, if that has to be asked
 # A start is refined if its cost is at most RIVAL times the best one, and at most RIVALS starts are.
 RIVAL, RIVALS = 3.0, 4
 FOLDS = 8  # arcs that an outline is cut into for cross-validation; every other one is held out
@@ -132,15 +133,17 @@ def fit_most(
         return other
     verdict = find_consensus(
         turn,
-        lambda sample: search(sample, given)[0][: sample.shared],
+        lambda sample, told: search(sample, given, told)[0][: sample.shared],
         free_parameters(turn, given.known),
         allowed,
         np.random.default_rng(0),
+        within(progress, RESOLVED if fit else SEARCHED, AGREED),
     )
     if verdict.agrees.sum() >= fewest and not verdict.agrees.all():
         agreeing = np.flatnonzero(verdict.agrees)
         part = turn.alone(agreeing)
-        apart = solve(part, search(part, given), given)
+        left = within(progress, AGREED, 1)
+        apart = solve(part, search(part, given, within(left, 0, SEARCHED)), given, left)
         if apart.rms <= (min(allowed, BETTER_FIT * fit.rms) if fit else allowed):
             whole = part.of(turn.outlines, turn.index)
             strict = judge(whole, apart.best.x, agreeing, allowed, trusting=True)

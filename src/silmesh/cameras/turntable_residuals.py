@@ -31,6 +31,7 @@ from silmesh.cameras.silhouette_coherence import (
     find_misses,
     make_pose,
     measure_at,
+    uncrop,
 )
 
 WIDTH = 1.6  # world units that the image's side spans at the axis
@@ -87,6 +88,8 @@ class Turntable:
         index: [views] position of each view among all photographs; 0, 1, 2, ... if not given
         rounds: positions of the photographs of each round, in the order of its turn; one round of
             all if not given
+        maps: [views, 2, 2] scale (x, y) and shift (x, y) by which each view was cropped; None if
+            none was
 
     Attributes:
         shared: how many parameters come before the offsets
@@ -100,35 +103,45 @@ class Turntable:
         distance: float | None = None,
         index: np.ndarray | None = None,
         rounds: Sequence[np.ndarray] = (),
+        maps: np.ndarray | None = None,
     ):
         self.outlines = outlines
         self.size = size
         self.aspect = aspect
         self.distance = distance
         self.index = np.arange(len(outlines.points)) if index is None else index
+        self.maps = maps
         self.rounds = tuple(rounds) if len(rounds) > 1 else ()
         self.shared = len(NAMES) + len(ROUND) * max(len(self.rounds) - 1, 0)
-        low, high = outlines.points.min(axis=1), outlines.points.max(axis=1)  # [views, 2]
+        points = outlines.points if maps is None else uncrop(outlines.points, maps)
+        low, high = points.min(axis=1), points.max(axis=1)  # [views, 2]
         middles = (low + high) / 2
         of = [np.isin(self.index, turn) for turn in self.rounds or [self.index]]
         self.middles = [middles[views].mean(axis=0) for views in of]  # column and row, a round each
         self.column, self.row = self.middles[0]
-        self.reach = max(map(self._reach, of, self.middles))  # pixels
+        each = zip(of, self.middles, strict=True)
+        self.reach = max(self._reach(points[views], middle) for views, middle in each)  # pixels
         self.radius = 1.2 * self.reach * WIDTH / size  # about the object's middle, with a margin
 
-    def _reach(self, views: np.ndarray, middle: np.ndarray) -> float:
-        """Pixels from the middle of some views to their farthest point."""
-        from_middle = (self.outlines.points[views] - middle) / [1, self.aspect]
+    def _reach(self, points: np.ndarray, middle: np.ndarray) -> float:
+        """Pixels from a middle to the farthest of some points."""
+        from_middle = (points - middle) / [1, self.aspect]
         return np.linalg.norm(from_middle, axis=2).max()
 
     def select(self, views: np.ndarray, every: int = 1) -> "Turntable":
         """The same on these views, and every so many-th of their points."""
-        return self.of(self.outlines.select(views, every), self.index[views])
+        maps = None if self.maps is None else self.maps[views]
+        return self.of(self.outlines.select(views, every), self.index[views], maps)
 
     def alone(self, views: np.ndarray) -> "Turntable":
         """A turntable whose silhouettes are those of these views alone."""
         outlines, index = self.outlines.select(views), self.index[views]
-        return Turntable(outlines, self.size, self.aspect, self.distance, index, self.rounds)
+        maps = None if self.maps is None else self.maps[views]
+        return Turntable(outlines, self.size, self.aspect, self.distance, index, self.rounds, maps)
+
+    def cropped(self, maps: np.ndarray) -> "Turntable":
+        """The same turntable before views that were cropped so."""
+        return self.of(self.outlines, self.index, maps)
 
     def in_rounds(self, rounds: Sequence[np.ndarray]) -> "Turntable":
         """The same silhouettes, taken in these rounds; views of no round are left out."""
@@ -160,7 +173,7 @@ class Turntable:
     def only(self, samples: np.ndarray) -> "Turntable":
         """The same turntable with residuals only at some points of outlines, [samples] bool."""
         known = self.outlines.known & samples
-        return self.of(replace(self.outlines, known=known), self.index)
+        return self.of(replace(self.outlines, known=known), self.index, self.maps)
 
     def cameras_at(
         self, x: np.ndarray, positions: int
@@ -176,10 +189,12 @@ class Turntable:
         whole = self.of(self.outlines, np.arange(positions))
         return *whole.camera(np.r_[x[: self.shared], offsets]), offsets
 
-    def of(self, outlines: Outlines, index: np.ndarray) -> "Turntable":
+    def of(
+        self, outlines: Outlines, index: np.ndarray, maps: np.ndarray | None = None
+    ) -> "Turntable":
         """The same turntable with other outlines: their parameters mean the same."""
         part = copy(self)
-        part.outlines, part.index = outlines, index
+        part.outlines, part.index, part.maps = outlines, index, maps
         return part
 
     def widen(self, shared: np.ndarray) -> np.ndarray:
@@ -235,7 +250,7 @@ class Turntable:
 
     def pose(self, x: np.ndarray) -> Pose:
         """The cameras, as the kernels take them."""
-        return make_pose(*self.camera(x), self.outlines.points)
+        return make_pose(*self.camera(x), self.outlines.points, self.maps)
 
     def misses(self, x: np.ndarray) -> Misses:
         """The residuals, without the priors."""
@@ -327,7 +342,7 @@ class Turntable:
             return np.concatenate([data, np.diag(worth / sd[free])])
 
         spread = np.r_[self._each(SPREAD, ROUND_SPREAD), np.full(len(self.index), JITTER)]
-        bounds = self._bounds(start)[:, free]
+        bounds = self.limits(start)[:, free]
         found = least_squares(
             residuals, np.clip(start[free], bounds[0] + 1e-6, bounds[1] - 1e-6), jacobian,
             bounds=bounds, x_scale=spread[free], loss="soft_l1", f_scale=SOFT, tr_solver="lsmr",
@@ -336,7 +351,7 @@ class Turntable:
         found.x = whole(found.x)
         return found
 
-    def _bounds(self, start: np.ndarray) -> np.ndarray:
+    def limits(self, start: np.ndarray) -> np.ndarray:
         """The least and greatest values that a fit may reach: [2, parameters]."""
         bounds = np.array([[-np.inf], [np.inf]]).repeat(len(start), axis=1)
         for i in self.of_rounds(ELEVATION):

@@ -139,7 +139,7 @@ def _find_believed(alone: _Alone, given: Given) -> _Alone:
         return alone
     verdict = find_consensus(
         turn,
-        lambda sample: search(sample, given)[0][: sample.shared],
+        lambda sample, told: search(sample, given, told)[0][: sample.shared],
         free_parameters(turn, given.known),
         REFUSED_AGREEING * turn.size / 256,
         np.random.default_rng(0),

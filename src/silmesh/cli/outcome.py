@@ -16,6 +16,7 @@ SUFFIXES = (".glb", ".obj", ".ply", ".stl")
 MEAN, WORST = 0.95, 0.85  # mean IoU, and least IoU of a view, below which the mesh is doubtful
 FEWEST = 8  # with fewer photographs even a visual hull of true silhouettes is far too large
 CONTRADICTED = 0.1  # share of views with contradicted silhouettes from which it is doubtful
+BROKEN = 0.1  # share of the hull's volume in its smaller pieces from which it is doubtful
 UNUSED = 0.2  # share of unused photographs from which it is doubtful
 CALIBRATE, COLMAP = "calibrate", "colmap"
 SOURCES = {CALIBRATE: {CALIBRATE}, COLMAP: {COLMAP}, "auto": {CALIBRATE, COLMAP}}
@@ -92,6 +93,8 @@ def find_doubts(
             f"the mesh misses the object in {', '.join(worst)}: look at their silhouettes in "
             f"{quote(silhouettes)}, and leave out photographs that show it wrongly"
         )
+    if broken := _describe_broken(metrics):
+        doubts.append(broken)
     if unused := _describe_unused(metrics, unread):
         doubts.append(unused)
     if metrics["views"] < FEWEST:
@@ -109,6 +112,17 @@ def find_doubts(
     if not metrics["watertight"]:
         doubts.append("the mesh is not closed: try --init ellipsoid")
     return doubts
+
+
+def _describe_broken(metrics: Mapping[str, Any]) -> str:
+    """That the silhouettes are of several bodies, and the mesh is of one."""
+    first = metrics.get("first", {})
+    if first.get("pieces", 1) < 2 or first.get("lost", 0.0) <= BROKEN:
+        return ""
+    return (
+        f"what the silhouettes show comes in {first['pieces']} pieces, {first['lost']:.0%} of the "
+        "volume in the smaller ones, and the mesh is one: give masks of one object alone"
+    )
 
 
 def _describe_unused(metrics: Mapping[str, Any], unread: int) -> str:

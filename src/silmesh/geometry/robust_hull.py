@@ -41,6 +41,7 @@ ENOUGH = 6  # views; of fewer none can be told from the others
 # times the share of the median view, but never more than MOST_UNCOVERED.
 UNCOVERED, UNUSUAL, MOST_UNCOVERED = 0.02, 3, 0.05
 SCATTERED = 0.05  # of the strict hull's volume: more than may lie in all pieces but the largest
+AGREED = 0.45  # least IoU that the median view is predicted with; below, no views agree
 ROUNDS = 4  # in which views lose their say or get it back
 WORSE = 0.12  # by how much less than the median a view is predicted that loses its say
 SPREAD = 5  # and by how many median deviations
@@ -148,7 +149,9 @@ def robust_carve(
     looks = _look(silhouettes, cameras, frames)
     if not len(looks.pixel):
         return strict
-    trusted, tolerated = _find_trusted(looks)
+    trusted, tolerated, agreed = _find_trusted(looks)
+    if agreed < AGREED:
+        return strict
     bites, trusted = _find_bites(looks, trusted, tolerated)
     if 2 * trusted.sum() <= looks.shown.any(axis=1).sum():  # nothing can be told of any
         return strict
@@ -169,6 +172,23 @@ def explains(hull: Hull, silhouettes: np.ndarray, cameras: Cameras) -> bool:
     left = find_uncovered(hull, silhouettes, cameras)
     allowed = max(UNCOVERED, min(UNUSUAL * float(np.median(left)), MOST_UNCOVERED))
     return bool(left.max() <= allowed)
+
+
+def predict_held_out(
+    silhouettes: np.ndarray, cameras: Cameras, frames: Sequence[Sequence[int]] | None = None
+) -> np.ndarray:
+    """How well the strict hull of the others predicts each silhouette, in small images.
+
+    Arguments are those of ``robust_carve``.
+
+    Returns:
+        [views] IoU, in which pixels within one of the outline are right either way
+    """
+    frames = whole_frames(silhouettes) if frames is None else np.asarray(frames)
+    looks = _look(silhouettes, cameras, frames)
+    if not len(looks.pixel):
+        return np.zeros(len(cameras))
+    return _predict(looks, looks.shown.any(axis=1))[:, 0]
 
 
 def find_uncovered(hull: Hull, silhouettes: np.ndarray, cameras: Cameras) -> np.ndarray:
@@ -236,19 +256,25 @@ def _look(silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray) -> _Loo
     return _Looks(small.reshape(len(small), -1), beyond, pixel[kept], (height, width))
 
 
-def _find_trusted(looks: _Looks) -> tuple[np.ndarray, int]:
-    """Which views keep their say, [views] bool, and how many of them may deny a point."""
+def _find_trusted(looks: _Looks) -> tuple[np.ndarray, int, float]:
+    """Which views keep their say, [views] bool, how many may deny a point, the median's score."""
     shown = looks.shown.any(axis=1)
     trusted = shown.copy()
     for _ in range(ROUNDS):
         scores = _predict(looks, trusted)
-        tolerated = int(np.median(scores[shown], axis=0).argmax())
+        tolerated, agreed = _tolerate(scores[shown])
         before, trusted = trusted, shown & ~_far_below(scores[:, tolerated], shown)
         if (trusted == before).all():
             break
     else:  # the number is of other views
-        tolerated = int(np.median(_predict(looks, trusted)[shown], axis=0).argmax())
-    return trusted, tolerated
+        tolerated, agreed = _tolerate(_predict(looks, trusted)[shown])
+    return trusted, tolerated, agreed
+
+
+def _tolerate(scores: np.ndarray) -> tuple[int, float]:
+    """The number of denials by which the median view is predicted best, and how well that is."""
+    medians = np.median(scores, axis=0)
+    return int(medians.argmax()), float(medians.max())
 
 
 def _far_below(scores: np.ndarray, usual: np.ndarray) -> np.ndarray:

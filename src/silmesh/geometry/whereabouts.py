@@ -4,12 +4,14 @@ In a generous box every voxel is asked of every view: one that shows it within o
 silhouette sees it, one that shows it further outside than the voxel is large denies it, and one
 beyond whose frame it lies says nothing if the frame cuts its silhouette. The object lies where many
 see and hardly any of those that speak deny. The box is doubled until the object does not reach its
-walls, and then drawn in around it.
+walls, and then drawn in around it. Where most photographs show one end of it, few see the others:
+points of structure from motion that lie within the silhouettes tell of these.
 """
 
 import numpy as np
 import torch
 from scipy import ndimage
+from scipy.spatial import cKDTree
 
 from silmesh.errors import InputError
 from silmesh.geometry.camera import OBJECT_RADIUS, Cameras, Similarity
@@ -20,23 +22,64 @@ DOUBLINGS, ROUNDS = 4, 3  # of the box, and of drawing it in
 MARGIN = 1.2  # times as far as the places that many see may reach those at the object's ends
 SEEING = 0.5  # of the views that see the most of all places: those that have to see a place
 DENYING = 0.1  # of the views that speak of a place: those that may deny it
+# A point is on the object if that share of the views, and no fewer than that, have it within their
+# frames, hardly any of these a pixel or more outside its silhouette, and if it is not far from all
+# others: from its eighth neighbour at most so many times as far as half of the points are.
+SHOWING, FEWEST_SHOWING = 1 / 6, 3
+NEIGHBOURS, LONELY = 8, 4.0
+TAILS = 0.5, 99.5  # percentiles of their coordinates within which the points on the object count
+FEWEST_POINTS = 60  # on the object, without which points tell nothing
 
 
-def find_body(cameras: Cameras, silhouettes: np.ndarray, frames: np.ndarray | None) -> Similarity:
+def find_body(
+    cameras: Cameras,
+    silhouettes: np.ndarray,
+    frames: np.ndarray | None,
+    points: np.ndarray | None = None,
+) -> Similarity:
     """The shift and scale that bring the object into the sphere of radius 0.5 at the origin.
 
     Args:
         cameras: in the input's world
         silhouettes: [views, height, width] bool, none empty
         frames: [views, 4] of the photographs within the images; the whole images if not given
+        points: [n, 3] of structure from motion in that world, on the object and elsewhere
 
     Raises:
         InputError: the views have no place in common
     """
-    points = find_filled(cameras, silhouettes, frames)
-    centre = (points.min(axis=0) + points.max(axis=0)) / 2
-    radius = MARGIN * np.linalg.norm(points - centre, axis=1).max()
+    filled = find_filled(cameras, silhouettes, frames)
+    if points is not None:
+        on_object = find_on_object(points, cameras, silhouettes, frames)
+        filled = np.concatenate([filled, on_object])
+    centre = (filled.min(axis=0) + filled.max(axis=0)) / 2
+    radius = MARGIN * np.linalg.norm(filled - centre, axis=1).max()
     return Similarity(torch.as_tensor(centre), float(OBJECT_RADIUS / radius))
+
+
+def find_on_object(
+    points: np.ndarray, cameras: Cameras, silhouettes: np.ndarray, frames: np.ndarray | None
+) -> np.ndarray:
+    """Those of some points that are on the object, the outermost drawn in to the others: [k, 3].
+
+    Of too few of them none. Arguments are those of ``find_body``.
+    """
+    _, spoken = open_frames(silhouettes, frames)
+    shown, inside = np.zeros((2, len(points)))
+    projected = cameras.project(torch.as_tensor(points)).numpy()
+    for silhouette, part, seen in zip(silhouettes, spoken, projected, strict=True):
+        pixel = np.floor(np.nan_to_num(seen, nan=-1))  # of what is behind the camera
+        there = ((pixel >= part[:2]) & (pixel < part[2:])).all(axis=1)
+        column, row = np.where(there, pixel.T, part[:2, None]).astype(int)
+        shown += there
+        inside += there & ndimage.binary_dilation(silhouette, np.ones((3, 3)))[row, column]
+    enough = max(FEWEST_SHOWING, SHOWING * len(cameras))
+    found = points[(shown >= enough) & (inside >= (1 - DENYING) * shown)]
+    if len(found) < FEWEST_POINTS:
+        return points[:0]
+    apart = cKDTree(found).query(found, NEIGHBOURS + 1)[0][:, -1]
+    found = found[apart <= LONELY * np.median(apart)]
+    return np.clip(found, *np.percentile(found, TAILS, axis=0))
 
 
 def find_filled(cameras: Cameras, silhouettes: np.ndarray, frames: np.ndarray | None) -> np.ndarray:

@@ -323,6 +323,7 @@ def _describe_scenes(scenes: Mapping[str, Scene], room: int) -> list[dict[str, A
             "estimates": [
                 *_show_estimates(scene.notes["figures"].get("estimates", {})),
                 *_show_rounds(scene.notes["figures"].get("rounds", [])),
+                *_show_crops(scene.notes["figures"].get("crops", {})),
             ],
             "picture": _embed_still(scene.picture, room),
         }
@@ -337,6 +338,24 @@ def _show_estimates(estimates: Mapping[str, Mapping[str, Any]]) -> list[dict[str
         _show_estimate(label, meaning, unit, estimates[name])
         for name, (label, unit, meaning) in PARAMETERS.items()
         if name in estimates
+    ]
+
+
+def _show_crops(crops: Mapping[str, Mapping[str, Any]]) -> list[dict[str, str]]:
+    """That the photographs were cropped one by one, if so: by which scales and how far shifted."""
+    if not crops:
+        return []
+    scales = [crop["scale"] for crop in crops.values()]
+    columns, rows = zip(*(crop["shift"] for crop in crops.values()), strict=True)
+    apart = [max(values) - min(values) for values in (columns, rows)]
+    return [
+        {
+            "label": "Crops",
+            "value": f"{min(scales):.2f} to {max(scales):.2f}",
+            "status": "found",
+            "meaning": f"scales of {len(crops)} photographs, which are shifted by up to "
+            f"{apart[0]:.1f} and {apart[1]:.1f} pixels against each other",
+        }
     ]
 
 

@@ -69,6 +69,7 @@ def normalise(
     resolution: int = 128,
     frames: np.ndarray | None = None,
     suspects: Collection[str] = (),
+    points: np.ndarray | None = None,
 ) -> Normalised:
     """Take the cameras' lenses away, normalise their world and measure their coherence.
 
@@ -84,6 +85,8 @@ def normalise(
         resolution: of the hull, as ``carve`` takes it
         frames: [views, 4] of the photographs within the images; the whole images if not given
         suspects: views that the cameras' source names as contradicted, left out first
+        points: [n, 3] that the cameras' source found, by which an object that most frames cut is
+            placed
 
     Raises:
         InputError: the cameras do not look at one object, one stands inside it, or fewer than two
@@ -97,7 +100,7 @@ def normalise(
         )
     undistorted = undistort(cameras, silhouettes, frames)
     cameras, silhouettes = undistorted.cameras, undistorted.silhouettes(silhouettes)
-    kept = _Views(cameras.select(shown), silhouettes[shown], undistorted.frames[shown])
+    kept = _Views(cameras.select(shown), silhouettes[shown], undistorted.frames[shown], points)
     all_views = np.arange(len(shown))
     outlined = _find_outlined(kept.silhouettes)
     found = _measure(kept, kept.select(outlined), kept, keep_world, resolution)
@@ -120,19 +123,25 @@ def normalise(
 
 
 class _Views(NamedTuple):
-    """Views with a silhouette: their cameras, silhouettes [n, height, width] and frames [n, 4]."""
+    """Views with a silhouette: their cameras, silhouettes [n, height, width] and frames [n, 4].
+
+    And points [n, 3] by which their world may be normalised.
+    """
 
     cameras: Cameras
     silhouettes: np.ndarray
     frames: np.ndarray
+    points: np.ndarray | None = None
 
     def select(self, positions: np.ndarray) -> "_Views":
-        return _Views(
-            self.cameras.select(positions), self.silhouettes[positions], self.frames[positions]
+        return self._replace(
+            cameras=self.cameras.select(positions),
+            silhouettes=self.silhouettes[positions],
+            frames=self.frames[positions],
         )
 
     def in_world_of(self, similarity: Similarity) -> "_Views":
-        return self._replace(cameras=self.cameras.in_world_of(similarity))
+        return self._replace(cameras=self.cameras.in_world_of(similarity), points=None)
 
 
 def _find_outlined(silhouettes: np.ndarray) -> np.ndarray:
@@ -161,7 +170,7 @@ def _measure(
     similarity = Similarity.identity() if keep_world else find_similarity(*placing)
     views, carving = views.in_world_of(similarity), carving.in_world_of(similarity)
     hull = carve(carving.silhouettes, carving.cameras, resolution, frames=carving.frames)
-    shares = coherence(hull, *views)
+    shares = coherence(hull, views.cameras, views.silhouettes, views.frames)
     said = set(carving.cameras.views)
     unheard = [i for i, view in enumerate(views.cameras.views) if view not in said]
     return _Found(similarity, shares, np.array(unheard, int), np.zeros(len(shares)))
@@ -224,7 +233,7 @@ def refuse_incoherent(
     if attempt.cameras is None:
         return attempt
     try:
-        normalised = normalise(attempt.cameras, silhouettes, frames=frames)
+        normalised = normalise(attempt.cameras, silhouettes, frames=frames, points=attempt.points)
     except InputError as error:
         why = f"cameras {attempt.source!r}: {error}"
         return replace(attempt, cameras=None, refusal=why)

@@ -9,7 +9,7 @@ import numpy as np
 
 from silmesh.cameras.attempt import CHECK_SERIES, FILE, TRY_CALIBRATE, Attempt
 from silmesh.errors import InputError, blaming, name_some
-from silmesh.geometry.frame import find_shown
+from silmesh.geometry.frame import find_shown, is_cut
 from silmesh.geometry.thresholds import COHERENT
 from silmesh.geometry.undistortion import Undistorted
 from silmesh.geometry.visual_hull import find_outlier_views
@@ -17,6 +17,7 @@ from silmesh.scene.agreement import Normalised, choose, refused_or
 from silmesh.scene.conventions import settle
 from silmesh.scene.diagnosis import MEASURED, diagnose
 from silmesh.scene.outliers import LEAST
+from silmesh.scene.reorientation import reorient
 from silmesh.scene.scene import Scene
 from silmesh.views import View
 
@@ -69,6 +70,9 @@ def build_scene(
     taken, why = choose(attempts, normalised)
     attempt, best = attempts[taken], normalised[taken]
     undistorted = best.undistorted.silhouettes(shown.silhouettes(best.cameras.views))
+    if not keep_world:
+        best, turned = reorient(best, undistorted)
+        attempt = replace(attempt, warnings=(*attempt.warnings, turned)) if turned else attempt
     attempt = _warn_of_contradicted(attempt, best)
     notes = {
         **_note_cameras(attempt, best, why),
@@ -85,7 +89,8 @@ def build_scene(
             for a, p in settled
         ],
     }
-    scene = Scene(best.cameras, best.similarity, undistorted, best.coherence, notes)
+    points = attempt.points if is_cut(undistorted, best.undistorted.frames).any() else None
+    scene = Scene(best.cameras, best.similarity, undistorted, best.coherence, notes, points=points)
     return Assembled(scene, best.undistorted, taken, attempt)
 
 

@@ -24,10 +24,12 @@ from silmesh.cameras.attempt import (
     WORLD_TO_CAMERA,
     Attempt,
 )
+from silmesh.cameras.crop_signs import see_crops
+from silmesh.cameras.crops_of_given import find_crops
 from silmesh.errors import InputError
 from silmesh.geometry.camera import OPENGL, Cameras
 from silmesh.geometry.frame import find_shown
-from silmesh.geometry.thresholds import COHERENT, REFUSED
+from silmesh.geometry.thresholds import COHERENT, CONVINCING, REFUSED
 from silmesh.geometry.undistortion import undistort
 from silmesh.scene.agreement import FEWEST, NEAR, Normalised, normalise
 from silmesh.scene.scene import find_middles, find_object
@@ -39,6 +41,7 @@ RESOLUTION = 48  # samples a side of the hulls by which conventions are tried
 # A convention is tried further only if the rays through the silhouettes' middles meet: most must
 # pass the common point within this share of half the diagonal of their silhouette's box.
 APART = 0.5
+SCALED = 0.05  # of a scale: differences of scales from which photographs were scaled
 MOST = 32  # number of conventions whose hulls are carved, the most usual ones first
 
 OPENCV = np.eye(3)  # a camera's own axes are ours
@@ -110,15 +113,24 @@ def settle(
     if attempt.source != FILE or keep_world or len(find_shown(silhouettes)) < FEWEST:
         suspects = attempt.figures.get("disagreeing", ())
         return attempt, normalise(
-            attempt.cameras, silhouettes, keep_world, frames=frames, suspects=suspects
+            attempt.cameras,
+            silhouettes,
+            keep_world,
+            frames=frames,
+            suspects=suspects,
+            points=attempt.points,
         )
     faced = _face(attempt, silhouettes)
     normalised, why = _try_to_normalise(faced, silhouettes, frames)
     mean = normalised.mean if normalised else 0.0
     if mean >= COHERENT and faced is attempt:
+        if mean < CONVINCING and (settled := _crop(faced, silhouettes, frames, mean)):
+            return settled
         return _tell_taken(faced, mean), normalised
     found, agreed, own = _find_fitting(attempt, faced, silhouettes, mean >= COHERENT, frames)
     better = agreed >= max(FITS, own + (NEAR if mean >= COHERENT else GAIN))
+    if not better and mean < COHERENT and (settled := _crop(faced, silhouettes, frames, mean)):
+        return settled
     doubted = faced.mirrored or faced.doubt is not None
     enough = normalised is not None and normalised.overall >= REFUSED
     if normalised and not better and (enough or not doubted):
@@ -127,6 +139,59 @@ def settle(
     if enough and not doubted:
         return replace(faced, warnings=(*faced.warnings, f"{_file(faced)}: {why}")), normalised
     raise InputError(why)
+
+
+def _crop(
+    attempt: Attempt, silhouettes: np.ndarray, frames: np.ndarray | None, mean: float
+) -> tuple[Attempt, Normalised] | None:
+    """The cameras with a shift and a scale a view, if the photographs were cropped since.
+
+    Args:
+        mean: the hull IoU of the cameras as they are
+    Returns:
+        None if nothing shows that, or if the silhouettes contradict those cameras too
+    """
+    shown, views = find_shown(silhouettes), attempt.cameras.views
+    seen = silhouettes[shown], None if frames is None else frames[shown]
+    told = attempt.figures.get("cropped") or see_crops(*seen)
+    if not told or any(attempt.cameras.lenses):
+        return None
+    found = find_crops(attempt.cameras.select(shown), *seen)
+    if found is None or _are_same(found.scales):
+        return None
+    K = attempt.cameras.K.clone()
+    K[shown] = found.cameras.K
+    cameras = replace(attempt.cameras, K=K)
+    try:
+        normalised = normalise(cameras, silhouettes, frames=frames)
+    except InputError:
+        return None
+    if normalised.overall < max(COHERENT, mean + NEAR):
+        return None
+    crops = {
+        views[i]: {"shift": shift.tolist(), "scale": float(scale)}
+        for i, shift, scale in zip(shown, found.shifts, found.scales, strict=True)
+    }
+    x, y = np.ptp(found.shifts, axis=0)
+    low, high = found.scales.min(), found.scales.max()
+    scaled = f", scaled by {low:.2f} to {high:.2f}" if high > low else ", not scaled"
+    said = (
+        f"{_file(attempt)}: the photographs are taken to be cropped since: shifted by up to "
+        f"{x:.1f} and {y:.1f} pixels of the working images against each other{scaled}. The "
+        f"cameras agree with the silhouettes so (hull IoU {normalised.overall:.2f}, {mean:.2f} as "
+        "they are)"
+    )
+    known = {**attempt.figures, "crops": crops}
+    taken = replace(attempt, cameras=cameras, figures=known, doubt=None)
+    if attempt.doubt:
+        said = f"{attempt.doubt}; {said}"
+    return replace(taken, warnings=(*attempt.warnings, said)), normalised
+
+
+def _are_same(scales: np.ndarray) -> bool:
+    """Whether all photographs were scaled alike: then the file is for other pixels, not cropped."""
+    middle = float(np.median(scales))
+    return abs(middle - 1) > SCALED and np.ptp(scales) < SCALED * middle
 
 
 def _face(attempt: Attempt, silhouettes: np.ndarray) -> Attempt:

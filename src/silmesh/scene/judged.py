@@ -10,6 +10,7 @@ import numpy as np
 from silmesh.geometry.frame import count_on_frame
 from silmesh.geometry.robust_hull import robust_carve
 from silmesh.geometry.silhouette_iou import coherence
+from silmesh.geometry.thresholds import COHERENT
 from silmesh.progress import Share, untold
 from silmesh.scene.colour_edges import Figures, compare_all, contradict, describe_offset
 from silmesh.scene.outliers import Verdict
@@ -94,11 +95,22 @@ def judge_scene(
             look, scene.silhouettes, scene.cameras, verdict, frames, unreadable, progress
         )
 
-    decision = decide(policy, fewest, scene.silhouettes, scene.cameras, solve, frames, lost)
+    suspects = _suspect(scene)
+    decision = decide(
+        policy, fewest, scene.silhouettes, scene.cameras, solve, frames, lost, suspects
+    )
     colours = compare_all(scene.images, views, decision.silhouettes, frames)
     left = _measure(scene, decision, keep_world, frames)
     left = replace(left, notes=_note(notes, views, decision, colours))
     return Judged(left, views, frames, decision, colours)
+
+
+def _suspect(scene: Scene) -> list[int]:
+    """Positions of the views whose photographs contradict them, where silhouettes are at odds."""
+    if scene.coherence.mean() >= COHERENT:
+        return []
+    figures = compare_all(scene.images, scene.cameras.views, scene.silhouettes, scene.frames)
+    return [i for i, each in enumerate(figures) if contradict(each)]
 
 
 def _measure(scene: Scene, decision: Decision, keep_world: bool, frames: np.ndarray) -> Scene:
@@ -114,7 +126,9 @@ def _measure(scene: Scene, decision: Decision, keep_world: bool, frames: np.ndar
     frames = frames[decision.fitted]
     if not keep_world and (sound := _find_sound(decision)):
         own = kept.in_world_of(similarity.inverse)
-        similarity = find_similarity(own.select(sound), silhouettes[sound], frames[sound])
+        similarity = find_similarity(
+            own.select(sound), silhouettes[sound], frames[sound], scene.points
+        )
         kept = own.in_world_of(similarity)
     hull = robust_carve(silhouettes, kept, frames).hull
     return replace(

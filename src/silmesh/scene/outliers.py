@@ -5,6 +5,10 @@ although more than k other views deny it, as of a plate that passes for the obje
 what it does not show although at most k other views deny it, as of a part that was not segmented.
 A view is an outlier if a share is large beside those of the other views of the same object, since
 cameras that are a little wrong raise the shares of all views.
+
+``geometry.robust_hull`` says which views to distrust while a body is carved. It cannot take the
+place of this: it looks at views only where the strict hull fails, of fewer than six it doubts none,
+and it gives no shares, which the table has of every view and of views that were segmented again.
 """
 
 from collections.abc import Mapping, Sequence
@@ -65,7 +69,10 @@ class Verdict:
 
 
 def find_outliers(
-    silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray | None = None
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+    frames: np.ndarray | None = None,
+    suspects: Sequence[int] = (),
 ) -> Verdict:
     """Find the silhouettes that the other views contradict.
 
@@ -74,10 +81,11 @@ def find_outliers(
         cameras: of these views, in the normalised world
         frames: [views, 4] left, top, right and bottom of the photographs within the images; the
             whole images if not given
+        suspects: positions of views that something else speaks against, heard last
     """
     frames = whole_frames(silhouettes) if frames is None else frames
     shown = silhouettes.any(axis=(1, 2))
-    unexplained, missing, bad = _find_contradicted(silhouettes, cameras, frames, shown)
+    unexplained, missing, bad = _find_contradicted(silhouettes, cameras, frames, shown, suspects)
     refusal = None
     if 2 * bad.sum() > shown.sum():
         refusal = "silhouettes and cameras contradict each other in most views"
@@ -94,14 +102,19 @@ def find_outliers(
 
 
 def _find_contradicted(
-    silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray, shown: np.ndarray
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+    frames: np.ndarray,
+    shown: np.ndarray,
+    suspects: Sequence[int],
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The two shares of each view, and whether the view is an outlier: each [views].
 
     This works in rounds. The views that the trusted ones contradict most are not trusted in the
     next round, and are trusted again if that round clears them.
     """
-    trusted = np.flatnonzero(shown)
+    suspected = np.isin(np.arange(len(shown)), suspects)
+    trusted = np.flatnonzero(shown & ~suspected)
     unexplained, missing = disagreement(silhouettes, cameras, frames, trusted, TOLERANCES[-1])
     bad = shown & (_excess(unexplained, missing, trusted) > 0)
     tolerances = TOLERANCES if bad.any() else ()
@@ -114,7 +127,8 @@ def _find_contradicted(
         worst = bad & (excess > excess[shown].max() / 2) if tolerance < TOLERANCES[-1] else bad
         if 2 * worst.sum() > shown.sum():
             break
-        trusted = np.flatnonzero(shown & ~worst)
+        lost = worst | (bad & suspected)
+        trusted = np.flatnonzero(shown & ~lost)
     return unexplained, missing, bad
 
 

@@ -1,6 +1,6 @@
 """What happens to outliers: they are kept, dropped, or segmented again, and always reported."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,6 +44,7 @@ def decide(
     solve: Callable[[Verdict], Solved],
     frames: np.ndarray | None = None,
     lost: Mapping[int, str] | None = None,
+    suspects: Sequence[int] = (),
 ) -> Decision:
     """Find outliers among the silhouettes, and keep, drop or repair them.
 
@@ -57,16 +58,20 @@ def decide(
         solve: gives the silhouettes that all views and colours agree on
         frames: [views, 4] of the photographs within the images, as ``judge`` takes them
         lost: why silhouettes are empty or outliers, by position, where it is known
+        suspects: positions of views that something else speaks against. Where the silhouettes alone
+            cannot tell which are wrong, the others judge them, and the outliers among them are
+            dropped by any policy that does not repair them, since no mesh fits both sides
 
     Raises:
         InputError: too few views would be left
     """
-    found = find_outliers(silhouettes, cameras, frames)
+    found, suspected = _judge(silhouettes, cameras, frames, suspects)
     solved = solve(found) if policy == "repair" else Solved(silhouettes)
     verdict = found.explain(found.name(solved.reasons)).explain(lost or {})
     new, fates = solved.silhouettes.copy(), [KEPT] * len(silhouettes)
     for i in verdict.outliers:
-        if policy == "drop" or i in solved.left or not new[i].any():
+        side = policy == "keep" and i in suspected
+        if side or policy == "drop" or i in solved.left or not new[i].any():
             fates[i], new[i] = DROPPED, silhouettes[i]
         elif (new[i] != silhouettes[i]).any():
             fates[i] = REPAIRED
@@ -80,6 +85,22 @@ def _compare(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
     """Which shares of a silhouette's area were added and removed; of the new one's if it is new."""
     area = max(int(before.sum()) or int(after.sum()), 1)
     return float((after & ~before).sum() / area), float((before & ~after).sum() / area)
+
+
+def _judge(
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+    frames: np.ndarray | None,
+    suspects: Sequence[int],
+) -> tuple[Verdict, Collection[int]]:
+    """The verdict on the silhouettes, and the views by whose suspicion it was found, if any."""
+    verdict = find_outliers(silhouettes, cameras, frames)
+    if not suspects or 2 * len(suspects) > len(silhouettes):
+        return verdict, ()
+    again = find_outliers(silhouettes, cameras, frames, suspects)
+    if again.refusal or len(again.outliers) <= len(verdict.outliers):
+        return verdict, ()
+    return again, suspects
 
 
 def _refuse_too_few(decision: Decision, fewest: int, views: Sequence[str]) -> None:

@@ -3,7 +3,8 @@
 A scene's folder holds ``cameras.json`` (normalised), ``scene.json`` (the transform, how well
 silhouettes and cameras agree, where the cameras come from), and the working images and silhouettes
 of just the views that have a camera, in ``views/`` and ``silhouettes/``, undistorted where their
-lenses matter.
+lenses matter. ``points.npy``, if it is there, has points of structure from motion, in the input's
+own world, by which an object is placed that most frames cut.
 """
 
 import json
@@ -34,6 +35,7 @@ from silmesh.views import ImageFolder
 
 AROUND = 0.05  # mean squared sine of the angles to the line that most cameras look along
 VIEWS, SILHOUETTES = "views", "silhouettes"  # folders of a scene
+POINTS = "points.npy"  # in its folder
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,8 @@ class Scene:
         coherence: [views], the visual hull's IoU with each silhouette
         notes: the other entries of ``scene.json``
         images: the working images, undistorted
+        points: [n, 3] by which the world is normalised if most frames cut the object, in the
+            input's own world
     """
 
     cameras: Cameras
@@ -55,6 +59,7 @@ class Scene:
     coherence: np.ndarray
     notes: Mapping[str, Any]
     images: Mapping[str, Image.Image] = field(default_factory=dict)
+    points: np.ndarray | None = None
 
     @property
     def frames(self) -> np.ndarray | None:
@@ -97,19 +102,23 @@ MEASURED = ("centre", "scale", "hull_iou_mean", "hull_iou")  # keys of scene.jso
 
 
 def find_similarity(
-    cameras: Cameras, silhouettes: np.ndarray, frames: np.ndarray | None = None
+    cameras: Cameras,
+    silhouettes: np.ndarray,
+    frames: np.ndarray | None = None,
+    points: np.ndarray | None = None,
 ) -> Similarity:
     """The shift and scale that bring the object into the sphere of radius 0.5 at the origin.
 
     The centre is where the rays through the middles of the silhouettes' bounding boxes meet, by
     least squares; the radius is the furthest that any silhouette reaches from it. Silhouettes that
     the frame cuts have no say in that; if the others are too few, or all seen along one line, the
-    object is looked for where most views see it.
+    object is looked for where most views see it, and where points on it lie.
 
     Args:
         cameras: in the input's world
         silhouettes: [views, height, width] bool, none empty
         frames: [views, 4] of the photographs within the images; the whole images if not given
+        points: [n, 3] of structure from motion in the same world, of whatever was photographed
 
     Raises:
         InputError: the rays are parallel, or the object would be behind a camera
@@ -117,7 +126,7 @@ def find_similarity(
     if is_cut(silhouettes, frames).any():
         whole = find_whole(silhouettes, frames)
         if len(whole) == len(silhouettes) or not _look_around(cameras.select(whole)):
-            return find_body(cameras, silhouettes, frames)
+            return find_body(cameras, silhouettes, frames, points)
         cameras, silhouettes = cameras.select(whole), silhouettes[whole]
     points = [torch.as_tensor(np.argwhere(s)[:, ::-1] + 0.5) for s in silhouettes]
     centre, depth = find_object(cameras, silhouettes)
@@ -204,6 +213,8 @@ def write_scene(
     undistorted = undistorted or Undistorted(scene.cameras, {}, 0.0)
     with making(folder) as part:
         write_cameras(part / "cameras.json", scene.cameras)
+        if scene.points is not None:
+            np.save(part / POINTS, scene.points)
         for name in (VIEWS, SILHOUETTES):
             (part / name).mkdir()
         for view, silhouette in zip(scene.cameras.views, scene.silhouettes, strict=True):
@@ -221,7 +232,8 @@ def load_scene(folder: Path) -> Scene:
     notes = {key: value for key, value in whole.items() if key not in MEASURED}
     silhouettes = read_silhouettes(folder / SILHOUETTES, cameras.views)
     images = ImageFolder(folder / VIEWS)
-    return Scene(cameras, similarity, silhouettes, coherence, notes, images)
+    points = np.load(folder / POINTS) if (folder / POINTS).is_file() else None
+    return Scene(cameras, similarity, silhouettes, coherence, notes, images, points)
 
 
 def read_scene(folder: Path) -> tuple[Cameras, Similarity, dict]:

@@ -28,7 +28,7 @@ def choose_count(silhouettes: np.ndarray, nearer: float = 1.0) -> int:
 
     Args:
         silhouettes: [views, height, width] bool
-        nearer: by which factor areas are larger in half of all views than in half of these
+        nearer: by which factor areas are larger in pixels of all views than of these
     """
     detail = _detail(silhouettes)
     surface = 4 * silhouettes.sum(axis=(1, 2)).mean() * detail * nearer

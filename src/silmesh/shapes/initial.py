@@ -62,9 +62,10 @@ def make_initial_mesh(
     """Make an initial mesh at unit size; the fit halves it.
 
     Where a hull is asked for that is empty, or fits the silhouettes worse than the ellipsoid, it is
-    the ellipsoid, with a warning. A function of a
-    person's own (``own_code``) is called with the silhouettes, the cameras, and the number of
-    vertices or None, and gives a closed mesh in the cameras' world, the normalised one.
+    the ellipsoid, with a warning; so it is where a prism comes in pieces of which the largest fits
+    worse. A function of a person's own (``own_code``) is called with the silhouettes, the cameras,
+    and the number of vertices or None, and gives a closed mesh in the cameras' world, the
+    normalised one.
 
     Args:
         init: what is asked for
@@ -95,7 +96,7 @@ def make_initial_mesh(
         made = _make(init.model_copy(update={"shape": FALLBACK}), silhouettes, cameras, frames)
     warnings += _warnings(made.notes, silhouettes, cameras, frames)
     notes, starts = made.notes, {}
-    if made.robust is not None and init.align != "none":
+    if made.shape in CARVED and init.align != "none":
         made, starts, changed = _compare_starts(made, init, silhouettes, cameras, frames)
         warnings += changed
     mesh = made.mesh
@@ -122,14 +123,15 @@ def _compare_starts(
     cameras: Cameras,
     frames: np.ndarray | None,
 ) -> tuple[_Made, dict[str, Start], list[str]]:
-    """A hull, or the ellipsoid if that fits better; how they do, and what was changed.
+    """A carved body, or the ellipsoid if that fits better; how they do, and what was changed.
 
-    The ellipsoid is looked at only where the hull fits poorly, or lost much with its other pieces.
+    The ellipsoid is looked at only where a hull fits poorly, or a body lost much with its other
+    pieces. That a prism fits worse is no reason: it is coarse by its nature, and was asked for.
     """
     lost = made.notes["lost"]
     own = measure_start(made.mesh, lost, silhouettes, cameras, made.robust, frames)
     starts = {made.shape: own}
-    if not own.poor:
+    if not (own.splinter if made.robust is None else own.poor):
         return made, starts, []
     other = _make(init.model_copy(update={"shape": FALLBACK}), silhouettes, cameras, frames)
     plain = measure_start(other.mesh, 0, silhouettes, cameras, made.robust, frames)
@@ -138,7 +140,7 @@ def _compare_starts(
         return made, starts, []
     changed = (
         f"the initial mesh is the {FALLBACK}: its IoU with the silhouettes is {plain.iou:.2f}, and "
-        f"{own.iou:.2f} that of the hull's largest piece, {own.kept:.0%} of its volume"
+        f"{own.iou:.2f} that of the {made.shape}'s largest piece, {own.kept:.0%} of its volume"
     )
     return other, starts, [changed]
 
@@ -186,12 +188,16 @@ def _describe(carved: Carved, cameras: Cameras) -> dict[str, Any]:
 
 
 def _compare_scale(cameras: Cameras, whole: np.ndarray) -> float:
-    """How many pixels half of all views show of what is one in half of some of them."""
+    """By which factor areas grow if they are measured in pixels of all views, not of some.
+
+    A pixel has the mean area of those of all views, so that close-ups, of which each shows a part,
+    make triangles smaller only as far as all views together resolve them.
+    """
     if len(whole) == len(cameras):
         return 1.0
     depths = cameras.t[:, 2].abs().clamp(min=OBJECT_RADIUS)
-    pixels = (cameras.K[:, 0, 0] / depths).square()
-    return max(1.0, float(pixels.median() / pixels[whole].median()))
+    areas = (depths / cameras.K[:, 0, 0]).square()
+    return max(1.0, float(areas[whole].mean() / areas.mean()))
 
 
 def take_mesh(name: str, made: Any, radius: float | None = None) -> trimesh.Trimesh:

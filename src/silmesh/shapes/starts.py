@@ -28,9 +28,14 @@ class Start:
     kept: float
 
     @property
+    def splinter(self) -> bool:
+        """Whether much of the body lies in pieces that are not in the mesh."""
+        return self.kept < 1 - SPLINTER
+
+    @property
     def poor(self) -> bool:
         """Whether another start should be looked at before this one is taken."""
-        return self.iou < COHERENT or self.kept < 1 - SPLINTER
+        return self.iou < COHERENT or self.splinter
 
 
 def measure_start(

@@ -136,6 +136,7 @@ def attempt_from_file(path: Path, views: Sequence[View]) -> Attempt:
     cameras, warnings = choose_world(located.path, worlds, views)
     attempt = match(located.path, cameras, views, format_.rules)
     figures = {
+        **attempt.figures,
         "format": format_.name,
         "file": str(located.path),
         "cameras": len(cameras),

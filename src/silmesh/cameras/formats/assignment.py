@@ -19,6 +19,7 @@ from silmesh.errors import InputError, name_some
 from silmesh.geometry.camera import Cameras
 from silmesh.views import View
 
+CROPPED = 0.2  # of the photographs: of more sizes than that they may have been cropped one by one
 FEWEST, SHARE = 3, 0.5  # of the views that need a camera, where some have none
 
 
@@ -55,11 +56,16 @@ def match(path: Path, cameras: Cameras, views: Sequence[View], rules: Rules) -> 
     cameras = cameras.select([positions[i] for i in kept])
     doubt = _doubt_centres(path, cameras, views)
     sizes = [tuple(size) for size in cameras.sizes.tolist()]
-    warnings += _tell_scaled(path, sizes, views, rules.working)
-    maps = [
-        _map_to_working(path, size, view, rules.working)
-        for size, view in zip(sizes, views, strict=True)
-    ]
+    cropped = _doubt_sizes(path, sizes, views, rules.working)
+    doubt = doubt or cropped
+    if cropped:  # the pixels are taken to be as large as they were
+        maps = [view.pixel_map for view in views]
+    else:
+        warnings += _tell_scaled(path, sizes, views, rules.working)
+        maps = [
+            _map_to_working(path, size, view, rules.working)
+            for size, view in zip(sizes, views, strict=True)
+        ]
     working = torch.tensor([[view.size, view.size] for view in views])
     cameras = cameras.in_pixels_of(torch.tensor(np.stack(maps)), working)
     cameras = cameras.named([view.view for view in views])
@@ -71,6 +77,7 @@ def match(path: Path, cameras: Cameras, views: Sequence[View], rules: Rules) -> 
         mirrored=mirrored,
         signless=rules.signless,
         doubt=doubt,
+        figures={"cropped": True} if cropped else {},
     )
 
 
@@ -261,6 +268,26 @@ def _doubt_centres(path: Path, cameras: Cameras, views: Sequence[View]) -> str |
         f"{path}: the axes of {int(outside.sum())} of {len(views)} cameras pass their "
         f"photographs by, at ({u:.0f}, {v:.0f}) where {views[i].view!r} has "
         f"{views[i].width}x{views[i].height} pixels"
+    )
+
+
+def _doubt_sizes(
+    path: Path, sizes: Sequence[tuple[int, int]], views: Sequence[View], working: bool
+) -> str | None:
+    """That photographs have many sizes, and their cameras not theirs: as of crops made since."""
+    shapes = {(view.width, view.height) for view in views}
+    pairs = list(zip(sizes, views, strict=True))
+    other = [
+        (size, view)
+        for size, view in pairs
+        if not _is_own(size, view, working) and not is_scaled(size, (view.width, view.height))
+    ]
+    if not other or len(shapes) <= max(CROPPED * len(views), len(set(sizes)) + 1):
+        return None
+    (width, height), view = other[0]
+    return (
+        f"{path}: the camera of view {view.view!r} is for {width}x{height} pixels, but its "
+        f"photograph has {view.width}x{view.height}, and the photographs have {len(shapes)} sizes"
     )
 
 

@@ -1,0 +1,62 @@
+"""What photographs show of having been cropped one by one, before any camera is known."""
+
+from collections import Counter
+
+import numpy as np
+
+from silmesh.geometry.frame import whole_frames
+
+MOST = 0.8  # of the views: so many have to show it
+CENTRED = 0.02  # of the photograph's longer side by which opposite margins may differ, and 1 pixel
+SIZES = 0.2  # of the views: of more sizes than that photographs were not taken by one camera
+
+
+def see_crops(
+    silhouettes: np.ndarray,
+    frames: np.ndarray | None = None,
+    scales: np.ndarray | None = None,
+) -> str:
+    """Why views seem to have been cropped to the object one by one; "" if nothing shows it.
+
+    Args:
+        silhouettes: [views, height, width] bool, none empty
+        frames: [views, 4] of the photographs within the images; the whole images if not given
+        scales: [views, 2] pixels of the working image for one of the photograph; sizes tell
+            nothing if not given
+    """
+    frames = whole_frames(silhouettes) if frames is None else np.asarray(frames)
+    sides = frames[:, 2:] - frames[:, :2]
+    if scales is not None:
+        sizes = Counter(map(tuple, np.round(sides / scales, 0).astype(int).tolist()))
+        if len(sizes) > max(SIZES * len(silhouettes), 3):
+            return f"they have {len(sizes)} different sizes"
+    margins = find_margins(silhouettes, frames)
+    apart = np.abs(margins[:, :2] - margins[:, 2:]).max(axis=1)
+    if (apart <= CENTRED * sides.max(axis=1) + 1).mean() >= MOST:
+        return "the object is in the middle of nearly all of them"
+    return ""
+
+
+def find_margins(silhouettes: np.ndarray, frames: np.ndarray) -> np.ndarray:
+    """Pixels between each silhouette and its photograph's left, top, right and bottom: [views, 4].
+
+    Args:
+        silhouettes: [views, height, width] bool, none empty
+        frames: [views, 4] of the photographs within the images
+    """
+    boxes = []
+    for silhouette in silhouettes:
+        rows, columns = (np.flatnonzero(silhouette.any(axis=axis)) for axis in (1, 0))
+        boxes.append([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1])
+    inside = np.array(boxes) - frames
+    return inside * [1, 1, -1, -1]
+
+
+def are_tight(silhouettes: np.ndarray, frames: np.ndarray | None) -> bool:
+    """Whether nearly all silhouettes touch opposite sides of their photographs.
+
+    So does what is cropped to the object's box, which the frame then does not cut.
+    """
+    frames = whole_frames(silhouettes) if frames is None else np.asarray(frames)
+    touch = find_margins(silhouettes, frames) <= 0
+    return bool(((touch[:, 0] & touch[:, 2]) | (touch[:, 1] & touch[:, 3])).mean() >= MOST)

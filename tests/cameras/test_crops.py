@@ -1,0 +1,154 @@
+"""Views that were cropped one by one, found from objects whose cameras and crops are known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from silmesh.cameras.attempt import FILE, Attempt
+from silmesh.cameras.calibrate import attempt_calibration
+from silmesh.cameras.crop_signs import are_tight, find_margins, see_crops
+from silmesh.cameras.frontier import SCALE, Frontier, trace_hulls
+from silmesh.cameras.silhouette_coherence import trace
+from silmesh.cameras.turntable import orbit_cameras
+from silmesh.scene.agreement import normalise
+from silmesh.scene.conventions import settle
+from silmesh.softras import soft_silhouettes
+from silmesh.synthetic.dataset import make_object
+
+SIZE = 96
+
+
+@pytest.fixture(scope="module")
+def bear():
+    """Vertices and faces."""
+    mesh = make_object("bear")
+    return torch.tensor(np.asarray(mesh.vertices)), torch.tensor(np.asarray(mesh.faces))
+
+
+def stand(count, elevation=15.0):
+    same = torch.ones(count, dtype=torch.float64)
+    angles = 360 / count * torch.arange(count, dtype=torch.float64)
+    names = [f"v{i:02d}" for i in range(count)]
+    return orbit_cameras(names, SIZE, 2.2 * same, elevation * same, angles)
+
+
+def crop_to_box(cameras, points, margin=0.06):
+    """Cameras of squares about the object's box, scaled to the images, and the scales."""
+    seen = cameras.project(points)
+    low, high = seen.amin(dim=1), seen.amax(dim=1)
+    scale = SIZE / ((high - low).amax(dim=1) * (1 + 2 * margin))
+    maps = torch.eye(3, dtype=torch.float64).repeat(len(cameras), 1, 1)
+    maps[:, 0, 0] = maps[:, 1, 1] = scale
+    maps[:, :2, 2] = SIZE / 2 - (low + high) / 2 * scale[:, None]
+    return cameras.in_pixels_of(maps, cameras.sizes), scale.numpy(), maps[:, :2, 2].numpy()
+
+
+def render(cameras, bear):
+    points, faces = bear
+    seen = cameras.project(points).float()
+    return (soft_silhouettes(seen, faces.long(), (SIZE, SIZE), sigma=1e-8) > 0.5).numpy()
+
+
+def test_frontier_points_agree_at_the_true_crops_alone(bear):
+    cameras = stand(12)
+    cropped, scale, shift = crop_to_box(cameras, bear[0])
+    outlines = trace(render(cropped, bear), 24, cameras.views)
+    camera = tuple(part.numpy() for part in (cameras.K, cameras.R, cameras.t))
+    hulls, every = trace_hulls(outlines.distances), np.ones(12, bool)
+    frontier = Frontier.of(camera, np.zeros(3), hulls, np.ones((12, 2)), every)
+    crops = np.column_stack([shift, np.log(scale)])
+    residuals = frontier.residuals(crops)
+    assert np.sqrt((residuals**2).mean()) < 0.25
+    crops[3, SCALE] += 0.1
+    touched = (frontier.first == 3) | (frontier.second == 3)
+    assert np.sqrt((frontier.residuals(crops)[touched] ** 2).mean()) > 1.5
+    np.testing.assert_array_equal(frontier.residuals(crops)[~touched], residuals[~touched])
+
+
+def test_slopes_are_those_of_the_residuals(bear):
+    cameras = stand(5)
+    cropped, scale, shift = crop_to_box(cameras, bear[0])
+    outlines = trace(render(cropped, bear), 24, cameras.views)
+    camera = tuple(part.numpy() for part in (cameras.K, cameras.R, cameras.t))
+    hulls, every = trace_hulls(outlines.distances), np.ones(5, bool)
+    frontier = Frontier.of(camera, np.zeros(3), hulls, np.ones((5, 2)), every)
+    crops = np.column_stack([shift + 1, np.log(scale) + 0.02])
+    slopes = frontier.slopes(crops)
+    for view, name in ((0, 1), (3, SCALE)):
+        moved = crops.copy()
+        moved[view, name] += 1e-4
+        change = (frontier.residuals(moved) - frontier.residuals(crops)) / 1e-4
+        np.testing.assert_allclose(slopes[:, :, view, name], change, atol=0.05, rtol=0.05)
+
+
+def test_margins_show_crops():
+    silhouettes = np.zeros((5, 40, 40), bool)
+    for i in range(5):
+        silhouettes[i, 4:36, 10 - i : 30 + i] = True
+    frames = np.tile([0, 0, 40, 40], (5, 1))
+    assert find_margins(silhouettes, frames)[1].tolist() == [9, 4, 9, 4]
+    assert "middle" in see_crops(silhouettes)
+    assert not are_tight(silhouettes, None)
+    silhouettes[:3] = np.roll(silhouettes[:3], 5, axis=2)
+    assert see_crops(silhouettes) == ""
+    frames = np.array([[0, i, 40, 40 - i] for i in range(5)])
+    assert "5 different sizes" in see_crops(silhouettes, frames, np.ones((5, 2)))
+
+
+def test_what_touches_opposite_sides_is_tight():
+    silhouettes = np.zeros((3, 20, 20), bool)
+    silhouettes[:, :, 5:15] = True
+    assert are_tight(silhouettes, None)
+    silhouettes[:, 19] = False  # touches the top alone, as of an object that the frame cuts
+    assert not are_tight(silhouettes, None)
+
+
+@pytest.mark.slow
+def test_a_turntable_of_crops_is_found(bear):
+    cameras = stand(20)
+    cropped, scale, _ = crop_to_box(cameras, bear[0])
+    silhouettes = render(cropped, bear)
+    attempt = attempt_calibration(silhouettes, cameras.views, step=18.0)
+    assert any("cropped one by one" in said for said in attempt.warnings)
+    assert normalise(attempt.cameras, silhouettes).overall > 0.98
+    estimate = attempt.figures["estimates"]["elevation"]
+    assert abs(estimate["value"] - 15) < 3
+    found = np.array([attempt.figures["crops"][view]["scale"] for view in cameras.views])
+    sd = attempt.figures["crops"]["v00"]["scale_sd"]
+    assert 0.001 < sd < 0.02
+    true = scale / np.exp(np.log(scale).mean())
+    assert np.abs(found / true - 1).max() < 0.02
+
+
+def test_a_turntable_that_was_not_cropped_has_no_crops(bear):
+    cameras = stand(16)
+    t = cameras.t + torch.tensor([0.05, -0.03, 0], dtype=torch.float64)
+    silhouettes = render(replace(cameras, t=t), bear)
+    attempt = attempt_calibration(silhouettes, cameras.views, step=22.5)
+    assert attempt.cameras is not None
+    assert "crops" not in attempt.figures
+
+
+@pytest.mark.slow
+def test_cameras_of_a_file_are_mended_where_photographs_were_cropped_since(bear):
+    cameras = stand(14)
+    cropped, scale, _ = crop_to_box(cameras, bear[0])
+    silhouettes = render(cropped, bear)
+    attempt = Attempt(FILE, cameras, figures={"file": "cameras.json"})
+    settled, normalised = settle(attempt, silhouettes)
+    assert normalised.overall > 0.98
+    assert "cropped since" in settled.warnings[-1]
+    assert len(settled.figures["crops"]) == 14
+    ratio = np.array([crop["scale"] for crop in settled.figures["crops"].values()]) / scale
+    assert np.ptp(ratio) / ratio.mean() < 0.05
+
+
+def test_cameras_that_agree_are_left_alone(bear):
+    cameras = stand(10)
+    attempt = Attempt(FILE, cameras, figures={"file": "cameras.json"})
+    settled, _ = settle(attempt, render(cameras, bear))
+    assert settled.cameras is cameras
+    assert not settled.warnings
+    assert "crops" not in settled.figures
