@@ -2,8 +2,10 @@
 
     python benchmarks/silhouettes.py moisturiser threshold [--data ../shared/data]
     python benchmarks/silhouettes.py bunny matting --work results/bunny-silhouettes
+    python benchmarks/silhouettes.py head matting --work results/head-silhouettes
 
-The bunny's silhouettes are judged and repaired with the cameras that come with the photographs.
+Those of the bunny and the head are judged and repaired with the cameras that come with the
+photographs; ``seconds_repair`` are of processor time, of all cores together.
 ``--work`` names a folder for what is made; the alpha of photographs that are in it is used again.
 """
 
@@ -14,11 +16,8 @@ import time
 from pathlib import Path
 
 import numpy as np
-import torch
 from PIL import Image
-from scipy.linalg import rq
 
-from silmesh.geometry.camera import Cameras, write_cameras
 from silmesh.geometry.overlap import iou
 from silmesh.naming import match_masks
 from silmesh.settings.silhouettes import Matting
@@ -31,7 +30,9 @@ SIZE = 256
 FOLDERS = {
     "moisturiser": ("aloi_moisturiser/png2/moisturiser", "aloi_moisturiser/mask2/moisturiser"),
     "bunny": ("bunny/images", "bunny/masks"),
+    "head": ("head/images", "head/masks"),
 }
+CAMERAS = {"bunny": "bunny/projections", "head": "head/poses_bounds.npy"}
 WRONG = 0.85  # below this IoU a mask is wrong, and should be marked
 
 
@@ -52,31 +53,21 @@ def find(views: list[View], method: str, work: Path) -> Path:
     return work / method
 
 
-def given_cameras(folder: Path, views: list[View]) -> Cameras:
-    """The cameras of the photographs, from P = K [R | t] by an RQ decomposition."""
-    parts = []
-    for view in views:
-        P = np.loadtxt(folder / f"{view.view}.txt").reshape(3, 4)
-        P *= np.sign(np.linalg.det(P[:, :3]))
-        K, R = rq(P[:, :3])
-        signs = np.diag(np.sign(np.diag(K)))
-        K, R = np.triu(K @ signs), signs @ R
-        parts.append((K / K[2, 2], R, np.linalg.solve(K, P[:, 3])))
-    K, R, t = (torch.tensor(np.stack(part)) for part in zip(*parts, strict=True))
-    sizes = torch.tensor([[view.width, view.height] for view in views])
-    return Cameras(tuple(view.view for view in views), sizes, K, R, t)
+def repaired(views: list[View], found: Path, file: Path, work: Path) -> tuple[np.ndarray, dict]:
+    """The silhouettes after judging and repair, and what the scene says of them.
 
-
-def repaired(views: list[View], found: Path, data: Path, work: Path) -> tuple[np.ndarray, dict]:
-    """The silhouettes after judging and repair, and what the scene says of them."""
-    write_cameras(work / "given.json", given_cameras(data / "bunny/projections", views))
+    Args:
+        file: of the photographs' cameras, or a folder
+    """
     shown = ["--views", str(work / "views")]
-    cameras.main([*shown, "--file", str(work / "given.json"), "--output", str(work / "cameras")])
+    cameras.main([*shown, "--file", str(file), "--output", str(work / "cameras")])
     named = ["--silhouettes", str(found), "--cameras", str(work / "cameras")]
     scene.main([*shown, *named, "--output", str(work / "scene")])
     output = ["--output", str(work / "judged")]
+    start = time.process_time()
     judge.main(["--scene", str(work / "scene"), "--settings", '{"policy": "repair"}', *output])
     told = json.loads((work / "judged" / "scene.json").read_text())
+    told["seconds"] = time.process_time() - start
     fitted = [view.view for view in views if view.view not in told["dropped"]]
     return read_silhouettes(work / "judged" / "silhouettes", fitted), told
 
@@ -98,13 +89,14 @@ def measure(dataset: str, method: str, data: Path, work: Path) -> dict:
     seconds = time.perf_counter() - start
     single = iou(read_silhouettes(folder, names), truth)
     result = {"dataset": dataset, "method": method, "found": summarise(single), "seconds": seconds}
-    if dataset == "bunny":
-        new, told = repaired(views, folder, data, work)
+    if dataset in CAMERAS:
+        new, told = repaired(views, folder, data / CAMERAS[dataset], work)
         kept = [i for i, name in enumerate(names) if name not in told["dropped"]]
         wrong = {name for name, value in zip(names, single, strict=True) if value < WRONG}
         marked = set(told["doubtful"])
         result |= {
             "repaired": summarise(iou(new, truth[kept])),
+            "seconds_repair": told["seconds"],
             "wrong": len(wrong),
             "wrong_and_marked": len(wrong & marked),
             "false_alarms": len(marked - wrong),

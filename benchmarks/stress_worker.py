@@ -1,11 +1,14 @@
 """Reconstructs the cases that ``stress.py`` names, one a line, by the silmesh that is on the path.
 
 It stands on the Python API alone, so that an older checkout runs it, too: for each folder it
-writes ``mesh.ply``, in the world of the case's cameras, and prints one line of JSON.
+writes ``mesh.ply``, in the world of the case's cameras, and prints one line of JSON. Its argument,
+if there is one, is what is done with outliers.
 """
 
 import json
+import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -16,13 +19,17 @@ from silmesh.cli.outcome import describe, find_doubts
 from silmesh.errors import InputError
 
 
-def reconstruct(folder: Path, made: Path) -> dict:
+def reconstruct(folder: Path, made: Path, quality: str = "auto") -> dict:
     """What the reconstruction of a case came to, its mesh written."""
     case = json.loads((folder / "case.json").read_text())
     start = time.perf_counter()
     try:
         result = silmesh.reconstruct(
-            folder / "photographs", folder / "masks", case["cameras"], size=case["size"]
+            folder / "photographs",
+            folder / "masks",
+            case["cameras"],
+            size=case["size"],
+            quality=quality,
         )
     except InputError as error:
         return {"verdict": "refused", "said": str(error), "seconds": time.perf_counter() - start}
@@ -60,7 +67,8 @@ def name_turntable(told: dict) -> dict[str, float] | None:
 def main() -> None:
     """Answer each line of standard input."""
     torch.set_num_threads(1)
-    answer_lines(reconstruct, "crashed")  # by a fault of the program, which is a finding
+    asked = partial(reconstruct, quality=sys.argv[1]) if sys.argv[1:] else reconstruct
+    answer_lines(asked, "crashed")  # by a fault of the program, which is a finding
 
 
 if __name__ == "__main__":

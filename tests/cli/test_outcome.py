@@ -7,6 +7,7 @@ import trimesh
 from silmesh.cli.outcome import (
     advise_on_cameras,
     describe,
+    describe_repairs,
     export,
     find_doubts,
     refuse_suffix,
@@ -174,3 +175,11 @@ def test_every_format_holds_the_mesh(tmp_path, suffix):
 def test_an_unknown_ending_is_refused():
     with pytest.raises(InputError, match=r"m.fbx: should end in .glb, .obj, .ply, .stl"):
         refuse_suffix(Path("m.fbx"))
+
+
+def test_each_silhouette_that_was_redrawn_is_a_line():
+    repairs = {"a": {"why": "other views deny 40% of it", "added": 0.0, "removed": 0.404}}
+    assert describe_repairs(GOOD) == []
+    assert describe_repairs(GOOD | {"repairs": repairs}) == [
+        "view 'a' is redrawn: other views deny 40% of it; 0.0% of its area added, 40.4% removed"
+    ]

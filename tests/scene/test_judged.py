@@ -6,6 +6,7 @@ from scenes import dome, save, silhouettes
 
 import silmesh
 from silmesh.errors import InputError
+from silmesh.geometry.overlap import iou
 from silmesh.silhouettes import FULL
 
 SIZE, COUNT = 64, 24
@@ -84,3 +85,23 @@ def test_inverted_masks_are_refused(ball, tmp_path):
     cameras, seen = ball
     with pytest.raises(InputError, match="it may be inverted"):
         find_scene(tmp_path, ~seen, cameras, "auto")
+
+
+def test_given_masks_are_repaired_where_that_is_asked(ball, tmp_path):
+    cameras, seen = ball
+    for view, mask in zip(cameras.views, seen, strict=True):
+        colours = np.where(mask[..., None], (180, 60, 40), (90, 120, 90)).astype(np.uint8)
+        save(tmp_path / f"photographs/{view}.png", colours)
+        save(tmp_path / f"masks/{view}.png", spoil(seen, cameras)[cameras.views.index(view)])
+    shown = silmesh.read_photographs(tmp_path / "photographs", size=SIZE)
+    found = silmesh.find_silhouettes(shown, tmp_path / "masks", policy="repair")
+    scene = silmesh.find_cameras(shown, found, cameras)
+    wrong = named(cameras, EMPTY, FILLED, OTHER, BITTEN)
+    assert set(scene.notes["repaired"]) == set(scene.notes["repairs"]) == wrong
+    assert scene.notes["dropped"] == {}
+    assert {scene.notes["weights"][view] for view in wrong} == {0.5}
+    order = [cameras.views.index(view) for view in scene.cameras.views]
+    assert iou(scene.silhouettes, seen[order]).min() > 0.95
+    bitten = scene.notes["repairs"][cameras.views[BITTEN[0]]]
+    assert bitten["added"] == pytest.approx(0.2 / 0.8, abs=0.03)
+    assert bitten["removed"] < 0.02

@@ -4,6 +4,7 @@ from scenes import dome, silhouettes
 
 from silmesh.errors import InputError
 from silmesh.scene.policy import decide
+from silmesh.scene.resegmentation import Solved
 
 COUNT = 16
 BAD = [2, 9]
@@ -20,8 +21,8 @@ def scene():
     return truth, found, cameras
 
 
-def decided(scene, policy, fewest=3, segment=None):
-    return decide(policy, fewest, scene[1], scene[2], segment)
+def decided(scene, policy, fewest=3, solve=None):
+    return decide(policy, fewest, scene[1], scene[2], solve)
 
 
 def test_kept_views_stay_as_they_are_but_for_empty_ones(scene):
@@ -42,29 +43,45 @@ def test_too_few_views_are_refused_with_what_is_wrong(scene):
         decided(scene, "drop", fewest=15)
 
 
-def test_what_cannot_be_read_is_said_and_not_segmented_again(scene):
+def test_what_cannot_be_read_is_said(scene):
     truth, found, cameras = scene
+    new = found.copy()
+    new[9] = truth[9]
 
-    def segment(outliers, sound):
-        assert (outliers, len(sound)) == ([9], COUNT - 2)
-        return truth[[9]]
+    def solve(verdict):
+        assert verdict.outliers == BAD
+        return Solved(new, {2: "specks", 9: "specks"}, [2])
 
     lost = {2: "its photograph cannot be used"}
-    decision = decide("repair", 3, found, cameras, segment, lost=lost, unreadable=[2])
+    decision = decide("repair", 3, found, cameras, solve, lost=lost)
     assert (decision.fates[2], decision.fates[9]) == ("dropped", "repaired")
     assert decision.verdict.reasons[2] == lost[2]
+    assert decision.verdict.reasons[9].startswith("lacks ")
 
 
-def test_a_repaired_view_is_fitted_and_one_that_stays_doubtful_is_dropped(scene):
+def test_a_repaired_view_is_fitted_and_one_that_stays_doubtful_is_dropped_as_it_was(scene):
     truth, found, _ = scene
-
-    def segment(outliers, sound):
-        assert (outliers, len(sound)) == (BAD, COUNT - 2)
-        return np.stack([truth[2], found[9]])
-
-    decision = decided(scene, "repair", segment=segment)
+    new = found.copy()
+    new[2], new[9, 30:] = truth[2], False
+    decision = decided(scene, "repair", solve=lambda verdict: Solved(new, {}, [9]))
     assert (decision.fates[2], decision.fates[9]) == ("repaired", "dropped")
-    np.testing.assert_array_equal(decision.silhouettes[2], truth[2])
+    np.testing.assert_array_equal(decision.silhouettes[[2, 9]], [truth[2], found[9]])
+    assert decision.changes[2] == (1, 0)  # of an empty one all is added
+    assert decision.changes[9] == (0, 0)
+
+
+def test_a_part_that_is_repaired_is_named_and_measured_and_one_that_stays_is_named(scene):
+    truth, found, _ = scene
+    new = found.copy()
+    new[[2, 9]] = truth[[2, 9]]
+    half = new[5] & (np.arange(48) < 24)
+    area, rest = new[5].sum(), half.sum()
+    new[5] = half
+    solved = Solved(new, {5: "a part", 7: "another"}, [])
+    decision = decided(scene, "repair", solve=lambda verdict: solved)
+    assert (decision.fates[5], decision.fates[7]) == ("repaired", "kept")
+    assert (decision.verdict.reasons[5], decision.verdict.reasons[7]) == ("a part", "another")
+    assert decision.changes[5] == (0, pytest.approx(1 - rest / area))
 
 
 @pytest.fixture(scope="module")

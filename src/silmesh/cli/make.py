@@ -16,6 +16,7 @@ from silmesh.cli.outcome import (
     advise_on_cameras,
     copy,
     describe,
+    describe_repairs,
     export,
     find_doubts,
     refuse_suffix,
@@ -120,6 +121,7 @@ def _say_outcome(
     metrics = _read(work, variant)
     if metrics["cameras"]["source"] == FILE:
         _say(*(_as_written(warning, tried[0]) for warning in metrics["cameras"]["warnings"]))
+    _say(*describe_repairs(metrics))
     for stage in ("first", "fit"):
         _say(*metrics[stage]["warnings"])
     doubts = find_doubts(metrics, work.folder / "results", tried, unread)

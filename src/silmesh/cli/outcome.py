@@ -53,6 +53,15 @@ def describe(output: Path, metrics: Mapping[str, Any], doubts: Sequence[str]) ->
     )
 
 
+def describe_repairs(metrics: Mapping[str, Any]) -> list[str]:
+    """A line for each silhouette that was redrawn: why, and how much of it changed."""
+    return [
+        f"view {view!r} is redrawn: {told['why']}; {told['added']:.1%} of its area added, "
+        f"{told['removed']:.1%} removed"
+        for view, told in metrics.get("repairs", {}).items()  # results of before have none
+    ]
+
+
 def find_doubts(
     metrics: Mapping[str, Any], folder: Path, tried: Sequence[str] = (), unread: int = 0
 ) -> list[str]:

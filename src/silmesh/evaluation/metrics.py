@@ -76,6 +76,7 @@ def _describe_views(notes: Mapping[str, Any]) -> dict[str, Any]:
     return {
         "views_dropped": len(notes["dropped"]),
         "views_repaired": len(notes.get("repaired", [])),
+        "repairs": notes.get("repairs", {}),
         "hull_doubtful": ", ".join(notes["doubtful"]) or None,
         "measured": notes.get("measured", []),
         "silhouettes_contradicted": notes.get("contradicted", []),

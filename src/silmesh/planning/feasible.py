@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 FEWEST_FITTED = 2  # views
 OPAQUE = (".jpg", ".jpeg", ".bmp")  # formats without an alpha channel
-MATTING = ("onnxruntime", "cv2")  # libraries that run the foreground model
+MATTING = "onnxruntime"  # the library that runs the foreground model
 CHECKPOINT = (b"PK\x03\x04", b"\x80")  # how a file of torch's begins: a zip, or a pickle
 
 
@@ -65,7 +65,7 @@ def _refuse_lacking_model(key: str, silhouettes: str) -> None:
 
 def has_matting() -> bool:
     """Whether what runs the foreground model is installed."""
-    return all(find_spec(name) for name in MATTING)
+    return find_spec(MATTING) is not None
 
 
 def _refuse_opaque(silhouettes: str, images: tuple[Path, ...]) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -12,10 +13,12 @@ from silmesh.geometry.silhouette_iou import coherence
 from silmesh.geometry.thresholds import COHERENT
 from silmesh.progress import Share, untold
 from silmesh.scene.colour_edges import Figures, compare_all, contradict, describe_offset
+from silmesh.scene.outliers import Verdict
 from silmesh.scene.policy import DROPPED, REPAIRED, WEIGHTS, Decision, decide
-from silmesh.scene.resegmentation import repair
+from silmesh.scene.resegmentation import Solved, solve_jointly
 from silmesh.scene.scene import Scene, find_similarity
 
+HELD = 64  # photographs in memory at a time
 LOWERING = "lowers the hull IoU most"  # reason of a view that is named although it is no outlier
 
 
@@ -41,11 +44,12 @@ class Judged:
         """Sentences about outliers and about objects that the frame cuts."""
         verdict = self.decision.verdict
         said = [verdict.refusal] if verdict.refusal else []
-        for view, fate, reason in zip(
-            self.views, self.decision.fates, verdict.reasons, strict=True
+        for view, fate, reason, (added, removed) in zip(
+            self.views, self.decision.fates, verdict.reasons, self.decision.changes, strict=True
         ):
+            changed = f"; {added:.1%} of its area added, {removed:.1%} removed"
             if reason:
-                said.append(f"view {view!r} is {fate}: {reason}")
+                said.append(f"view {view!r} is {fate}: {reason}{changed * (fate == REPAIRED)}")
         for i in self.decision.fitted:
             if pixels := count_on_frame(self.decision.silhouettes[i], self.frames[i]):
                 said.append(
@@ -77,25 +81,23 @@ def judge_scene(
     notes, views = scene.notes, scene.cameras.views
     frames = scene.frames
 
-    def segment(outliers: Sequence[int], inliers: Sequence[int]) -> np.ndarray:
-        shown = [scene.images[views[i]] for i in outliers]
-        return repair(shown, scene.silhouettes, scene.cameras, outliers, inliers, frames, progress)
-
     position = {view: i for i, view in enumerate(views)}
     known = notes.get("disagreeing", {}) | notes["lost"]
     lost = {position[view]: why for view, why in known.items() if view in position}
     unreadable = [position[view] for view in notes["unreadable"] if view in position]
+
+    @lru_cache(HELD)
+    def look(i: int) -> np.ndarray:
+        return np.asarray(scene.images[views[i]].convert("RGB"))
+
+    def solve(verdict: Verdict) -> Solved:
+        return solve_jointly(
+            look, scene.silhouettes, scene.cameras, verdict, frames, unreadable, progress
+        )
+
     suspects = _suspect(scene)
     decision = decide(
-        policy,
-        fewest,
-        scene.silhouettes,
-        scene.cameras,
-        segment,
-        frames,
-        lost,
-        unreadable,
-        suspects,
+        policy, fewest, scene.silhouettes, scene.cameras, solve, frames, lost, suspects
     )
     colours = compare_all(scene.images, views, decision.silhouettes, frames)
     left = _measure(scene, decision, keep_world, frames)
@@ -161,5 +163,10 @@ def _note(
         "doubtful": reasons or dict.fromkeys(notes["doubtful"], LOWERING),
         "contradicted": [views[i] for i in decision.fitted if contradict(colours[i])],
         "repaired": [view for view, fate in fates.items() if fate == REPAIRED],
+        "repairs": {
+            view: {"why": reasons[view], "added": added, "removed": removed}
+            for view, (added, removed) in zip(views, decision.changes, strict=True)
+            if fates[view] == REPAIRED
+        },
         "weights": {views[i]: WEIGHTS[decision.fates[i]] for i in decision.fitted},
     }

@@ -59,6 +59,10 @@ class Verdict:
         """Positions of the inliers."""
         return [i for i, reason in enumerate(self.reasons) if not reason]
 
+    def name(self, reasons: Mapping[int, str]) -> dict[int, str]:
+        """Of reasons at positions, those of views that have none."""
+        return {i: reason for i, reason in reasons.items() if not self.reasons[i]}
+
     def explain(self, lost: Mapping[int, str]) -> "Verdict":
         """The same verdict, with known reasons why the silhouettes at these positions are wrong."""
         return replace(self, reasons=[lost.get(i, reason) for i, reason in enumerate(self.reasons)])

@@ -8,6 +8,7 @@ import numpy as np
 from silmesh.errors import InputError
 from silmesh.geometry.camera import Cameras
 from silmesh.scene.outliers import Verdict, find_outliers
+from silmesh.scene.resegmentation import Solved
 
 KEPT, REPAIRED, DROPPED = "kept", "repaired", "dropped"
 WEIGHTS = {KEPT: 1.0, REPAIRED: 0.5, DROPPED: 0.0}  # of a view in the fit's loss, by its fate
@@ -21,11 +22,13 @@ class Decision:
         verdict: on the silhouettes as they were found
         silhouettes: [views, height, width] bool, those of repaired views new
         fates: of each view, ``kept``, ``repaired`` or ``dropped``
+        changes: of each view, which share of its silhouette's area was added, and which removed
     """
 
     verdict: Verdict
     silhouettes: np.ndarray
     fates: list[str]
+    changes: list[tuple[float, float]]
 
     @property
     def fitted(self) -> list[int]:
@@ -38,24 +41,23 @@ def decide(
     fewest: int,
     silhouettes: np.ndarray,
     cameras: Cameras,
-    segment: Callable[[Sequence[int], Sequence[int]], np.ndarray],
+    solve: Callable[[Verdict], Solved],
     frames: np.ndarray | None = None,
     lost: Mapping[int, str] | None = None,
-    unreadable: Collection[int] = (),
     suspects: Sequence[int] = (),
 ) -> Decision:
     """Find outliers among the silhouettes, and keep, drop or repair them.
 
     Args:
         policy: ``keep``, which drops only what is empty, since there is nothing to fit; ``drop``,
-            or ``repair``, which drops what stays an outlier
+            or ``repair``, which segments again also parts of silhouettes that the other views
+            contradict, and drops what stays an outlier
         fewest: least number of views that may be left when any is dropped
         silhouettes: [views, height, width] bool
         cameras: of these views, in the normalised world
-        segment: gives new silhouettes of outliers, from their positions and the inliers'
+        solve: gives the silhouettes that all views and colours agree on
         frames: [views, 4] of the photographs within the images, as ``judge`` takes them
         lost: why silhouettes are empty or outliers, by position, where it is known
-        unreadable: positions of the views without a photograph to segment again
         suspects: positions of views that something else speaks against. Where the silhouettes alone
             cannot tell which are wrong, the others judge them, and the outliers among them are
             dropped by any policy that does not repair them, since no mesh fits both sides
@@ -63,23 +65,26 @@ def decide(
     Raises:
         InputError: too few views would be left
     """
-    verdict, suspected = _judge(silhouettes, cameras, frames, suspects)
-    verdict = verdict.explain(lost or {})
-    outliers, fates, new = verdict.outliers, [KEPT] * len(silhouettes), silhouettes.copy()
-    if policy == "repair" and outliers:
-        if readable := [i for i in outliers if i not in unreadable]:
-            new[readable] = segment(readable, verdict.inliers)
-        still = find_outliers(new, cameras, frames).outliers
-        for i in outliers:
-            fates[i] = DROPPED if i in still else REPAIRED
-            new[i] = silhouettes[i] if i in still else new[i]
-    else:
-        for i in outliers:
-            lose = policy == "drop" or not silhouettes[i].any() or i in suspected
-            fates[i] = DROPPED if lose else KEPT
-    decision = Decision(verdict, new, fates)
+    found, suspected = _judge(silhouettes, cameras, frames, suspects)
+    solved = solve(found) if policy == "repair" else Solved(silhouettes)
+    verdict = found.explain(found.name(solved.reasons)).explain(lost or {})
+    new, fates = solved.silhouettes.copy(), [KEPT] * len(silhouettes)
+    for i in verdict.outliers:
+        side = policy == "keep" and i in suspected
+        if side or policy == "drop" or i in solved.left or not new[i].any():
+            fates[i], new[i] = DROPPED, silhouettes[i]
+        elif (new[i] != silhouettes[i]).any():
+            fates[i] = REPAIRED
+    changes = [_compare(*pair) for pair in zip(silhouettes, new, strict=True)]
+    decision = Decision(verdict, new, fates, changes)
     _refuse_too_few(decision, fewest, cameras.views)
     return decision
+
+
+def _compare(before: np.ndarray, after: np.ndarray) -> tuple[float, float]:
+    """Which shares of a silhouette's area were added and removed; of the new one's if it is new."""
+    area = max(int(before.sum()) or int(after.sum()), 1)
+    return float((after & ~before).sum() / area), float((before & ~after).sum() / area)
 
 
 def _judge(

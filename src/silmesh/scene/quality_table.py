@@ -16,17 +16,21 @@ def write_table(
     decision: Decision,
     colours: Sequence[Mapping[str, float]],
 ) -> None:
-    """Write a row for each view: its measures, ``doubt`` (why), ``fate`` and ``weight``.
+    """Write a row for each view: its measures, ``doubt`` (why), ``fate``, ``weight``, ``added``
+    and ``removed``.
 
     Args:
         colours: of each view, how far its photograph's colours agree with its silhouette
     """
     verdict = decision.verdict
+    judged = zip(verdict.reasons, decision.fates, decision.changes, strict=True)
+    ends = [
+        {"doubt": why, "fate": fate, "weight": WEIGHTS[fate], "added": added, "removed": removed}
+        for why, fate, (added, removed) in judged
+    ]
     rows = [
-        {"view": view, **row, **agreement, "doubt": reason, "fate": fate, "weight": WEIGHTS[fate]}
-        for view, row, agreement, reason, fate in zip(
-            views, verdict.rows, colours, verdict.reasons, decision.fates, strict=True
-        )
+        {"view": view, **row, **agreement, **end}
+        for view, row, agreement, end in zip(views, verdict.rows, colours, ends, strict=True)
     ]
     with (folder / TABLE).open("w", newline="", encoding="utf-8") as file:
         table = csv.DictWriter(file, list(rows[0]), lineterminator="\n")

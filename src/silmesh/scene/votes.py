@@ -15,7 +15,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numba import njit, prange
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_dilation, binary_erosion
 
 from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
 from silmesh.geometry.frame import is_cut, whole_frames
@@ -24,6 +24,8 @@ GRACE = 1  # pixels: a view does not deny points that project this close to its 
 REACH = 1.2 * OBJECT_RADIUS  # radius of the sphere about the origin in which rays are sampled
 # A structuring element: the four neighbours of a pixel.
 ROUND = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], bool)
+SQUARE = np.ones((1, 3, 3), bool)
+COARSE = 2  # pixels between the rays by which the outline of a hull is found
 
 
 def count_denials(
@@ -34,6 +36,7 @@ def count_denials(
     most: int,
     stride: int = 1,
     frames: np.ndarray | None = None,
+    where: np.ndarray | None = None,
 ) -> np.ndarray:
     """For some views, the least number of other views that deny any point of each pixel's ray.
 
@@ -47,9 +50,10 @@ def count_denials(
         frames: [views, 4] left, top, right and bottom of the photographs within the images; a view
             whose frame cuts the silhouette has no vote beyond the frame. The whole images if not
             given
+        where: [len(of), height / stride, width / stride] bool, the pixels to map; all if not given
     Returns:
         [len(of), height / stride, width / stride] uint8, ``most`` where as many or
-        more views deny every point
+        more views deny every point, or where nothing is mapped
     """
     frames = whole_frames(silhouettes) if frames is None else frames
     denied = ~binary_dilation(silhouettes, ROUND[None], iterations=GRACE)
@@ -60,20 +64,44 @@ def count_denials(
     P = cameras.projections.numpy()
     focal = cameras.K[:, 0, 0].numpy()
     step = float(np.median(cameras.centres.norm(dim=1).numpy() / focal)) * (1 + stride) / 2
+    height, width = (-(-side // stride) for side in silhouettes.shape[1:])
+    where = np.ones((len(of), height, width), bool) if where is None else where
     maps = []
-    for i in of:
+    for i, wanted in zip(of, where, strict=True):
         others = np.array([j for j in by if j != i], np.int64)
         ray = np.linalg.inv(P[i, :, :3])
         eye = cameras.centres[i].numpy()
-        maps.append(_count(denied, cut, P, others, ray, eye, step, REACH, most, stride))
+        maps.append(_count(denied, cut, P, others, ray, eye, step, REACH, most, stride, wanted))
     return np.stack(maps)
 
 
+def find_allowed(
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+    of: Sequence[int],
+    by: Sequence[int],
+    frames: np.ndarray | None = None,
+) -> np.ndarray:
+    """Where no other view denies every point: the hull of the others, rendered in some views.
+
+    First every second ray is cast, then those near the outline. Arguments are those of
+    ``count_denials``.
+
+    Returns:
+        [len(of), height, width] bool
+    """
+    height, width = silhouettes.shape[1:]
+    coarse = count_denials(silhouettes, cameras, of, by, 1, COARSE, frames) == 0
+    coarse = coarse.repeat(COARSE, axis=1).repeat(COARSE, axis=2)[:, :height, :width]
+    sure = binary_erosion(coarse, SQUARE, iterations=COARSE)
+    where = binary_dilation(coarse, SQUARE, iterations=COARSE) & ~sure
+    return sure | (count_denials(silhouettes, cameras, of, by, 1, 1, frames, where) == 0)
+
+
 @njit(parallel=True, cache=True, error_model="numpy")
-def _count(denied, cut, P, others, ray, eye, step, reach, most, stride):
+def _count(denied, cut, P, others, ray, eye, step, reach, most, stride, wanted):
     """The map of one view: ``ray`` [3, 3] maps a pixel to the direction of its ray from ``eye``."""
-    _, height, width = denied.shape
-    counts = np.empty(((height - 1) // stride + 1, (width - 1) // stride + 1), np.uint8)
+    counts = np.empty(wanted.shape, np.uint8)
     for line in prange(len(counts)):
         start, along = np.empty((len(others), 3)), np.empty((len(others), 3))
         for n in range(len(others)):
@@ -87,7 +115,7 @@ def _count(denied, cut, P, others, ray, eye, step, reach, most, stride):
             middle = -(way * eye).sum()
             half2 = reach * reach - ((eye + middle * way) ** 2).sum()
             least = most
-            if half2 > 0:
+            if half2 > 0 and wanted[line, column]:
                 half = np.sqrt(half2)
                 for n in range(len(others)):
                     m = P[others[n]]

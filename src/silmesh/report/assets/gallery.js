@@ -22,14 +22,20 @@ silmesh.showGallery = function (box, select, data) {
     const said = [iou === undefined ? "" : `IoU ${iou.toFixed(3)}`];
     if (run.held.includes(view.name)) said.push("held out of the fit");
     const says = `${view.name}: ${silmesh.FATES[fate]}. ${view.doubt}`;
-    const picture = silmesh.make(
-      "svg",
-      { viewBox: `${x} ${y} ${width} ${width}`, role: "img", "aria-label": says },
-      silmesh.make("image", { x, y, width, height: width, href: `data:image/webp;base64,${view.photo}` }),
-      ...contour("before", view.before),
-      ...contour("silhouette", view.silhouette),
-      ...contour("mesh", run.outlines[view.name] ?? ""),
+    function draw(label, ...contours) {
+      return silmesh.make(
+        "svg",
+        { viewBox: `${x} ${y} ${width} ${width}`, role: "img", "aria-label": label },
+        silmesh.make("image", { x, y, width, height: width, href: `data:image/webp;base64,${view.photo}` }),
+        ...contours,
+      );
+    }
+    const picture = draw(
+      says, ...contour("silhouette", view.silhouette), ...contour("mesh", run.outlines[view.name] ?? ""),
     );
+    // What was found stands beside what it was repaired to; of an empty silhouette, the photograph.
+    const found = fate === "repaired" ? [draw(`${view.name}: as found`, ...contour("before", view.before))] : [];
+    const pictures = silmesh.make("div", { class: "pictures" }, ...found, picture);
     const caption = silmesh.make(
       "figcaption", {},
       silmesh.make("b", {}, view.name),
@@ -37,7 +43,7 @@ silmesh.showGallery = function (box, select, data) {
       silmesh.make("span", {}, said.filter(Boolean).join(", ")),
       silmesh.make("span", { class: "doubt" }, view.doubt),
     );
-    return silmesh.make("figure", { class: `view ${fate}` }, picture, caption);
+    return silmesh.make("figure", { class: `view ${fate}` }, pictures, caption);
   }
 
   function fill() {
