@@ -8,7 +8,7 @@ import torch
 
 from silmesh.cameras.attempt import FILE, Attempt
 from silmesh.cameras.calibrate import attempt_calibration
-from silmesh.cameras.crop_signs import are_tight, find_margins, see_crops
+from silmesh.cameras.crop_signs import are_alike, are_tight, find_margins, see_crops
 from silmesh.cameras.frontier import SCALE, Frontier, trace_hulls
 from silmesh.cameras.silhouette_coherence import trace
 from silmesh.cameras.turntable import orbit_cameras
@@ -103,6 +103,14 @@ def test_what_touches_opposite_sides_is_tight():
     assert are_tight(silhouettes, None)
     silhouettes[:, 19] = False  # touches the top alone, as of an object that the frame cuts
     assert not are_tight(silhouettes, None)
+
+
+def test_what_differs_in_place_and_size_alone_is_alike():
+    y, x = np.mgrid[:64, :64]
+    discs = np.stack([(x - 9 - 4 * i) ** 2 + (y - 30) ** 2 < (7 + i) ** 2 for i in range(8)])
+    assert are_alike(discs)
+    discs[::2] &= (x > 4 * np.arange(0, 8, 2)[:, None, None]) & (y > 28)  # halves of every other
+    assert not are_alike(discs)
 
 
 @pytest.mark.slow

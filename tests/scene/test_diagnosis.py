@@ -64,7 +64,7 @@ def test_rounds_are_named_with_what_to_do():
     seen = np.concatenate([turn(18, 5), turn(18, 40)])
     (said,) = diagnose(seen, views(36))
     assert said.startswith(
-        "the photographs fall in 2 rounds: IMG_0 to IMG_17 (18), IMG_18 to IMG_35 (18); 'calibrate'"
+        "the photographs fall in 2 rounds: IMG_0 to IMG_17 (18), IMG_18 to IMG_35 (18); if one axis"
     )
     assert "give the photographs of one alone" in said
 

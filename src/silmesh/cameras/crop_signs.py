@@ -8,6 +8,8 @@ from silmesh.geometry.frame import whole_frames
 
 MOST = 0.8  # of the views: so many have to show it
 CENTRED = 0.02  # of the photograph's longer side by which opposite margins may differ, and 1 pixel
+ALIKE = 0.93  # mean IoU of silhouettes with what most of them share, from which they are alike
+SAMPLES = 32  # along each side of a silhouette's box, to compare it with others
 SIZES = 0.2  # of the views: of more sizes than that photographs were not taken by one camera
 
 
@@ -60,3 +62,27 @@ def are_tight(silhouettes: np.ndarray, frames: np.ndarray | None) -> bool:
     frames = whole_frames(silhouettes) if frames is None else np.asarray(frames)
     touch = find_margins(silhouettes, frames) <= 0
     return bool(((touch[:, 0] & touch[:, 2]) | (touch[:, 1] & touch[:, 3])).mean() >= MOST)
+
+
+def are_alike(silhouettes: np.ndarray) -> bool:
+    """Whether all silhouettes are the same but for their place and size.
+
+    Crops put those of any turntable, and pictures of nothing that turned, where they please.
+
+    Args:
+        silhouettes: [views, height, width] bool, none empty
+    """
+    boxed = np.stack([_sample_box(silhouette) for silhouette in silhouettes])
+    most = boxed.mean(axis=0) > 0.5
+    shared, either = (boxed & most).sum(axis=(1, 2)), (boxed | most).sum(axis=(1, 2))
+    return bool((shared / either).mean() >= ALIKE)
+
+
+def _sample_box(silhouette: np.ndarray) -> np.ndarray:
+    """What is in a silhouette's box, at even samples: [SAMPLES, SAMPLES] bool."""
+    rows, columns = (np.flatnonzero(silhouette.any(axis=axis)) for axis in (1, 0))
+    at = (np.arange(SAMPLES) + 0.5) / SAMPLES
+    v, u = (
+        np.floor(side[0] + at * (side[-1] + 1 - side[0])).astype(int) for side in (rows, columns)
+    )
+    return silhouette[np.ix_(v, u)]

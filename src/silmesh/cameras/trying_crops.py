@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from silmesh.cameras.crop_fit import CropFit, fit_crops
-from silmesh.cameras.crop_signs import are_tight, see_crops
+from silmesh.cameras.crop_signs import are_alike, are_tight, see_crops
 from silmesh.cameras.turntable_fit import FEWEST_AGREEING, Given
 from silmesh.cameras.turntable_residuals import Turntable
 
@@ -39,9 +39,12 @@ class Crops:
     def fit(self, turn: Turntable, given: Given) -> CropFit | None:
         """The turntable of views that were cropped one by one.
 
-        None if the crops come to nothing, or the frame cuts the object in too many views.
+        None if the crops come to nothing, if the frame cuts the object in too many views, or where
+        no sign tells of crops and the views differ in place and size alone.
         """
         silhouettes, frames, scales = self.of(turn.index)
+        if not self.told and are_alike(silhouettes):
+            return None
         tight = are_tight(silhouettes, frames)
         whole = len(turn.index) if tight else (~turn.outlines.cut).sum()
         if whole < max(FEWEST_AGREEING, WHOLE * len(turn.index)):
