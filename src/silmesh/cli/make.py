@@ -23,7 +23,7 @@ from silmesh.cli.outcome import (
 )
 from silmesh.cli.runner import RunError, Runner
 from silmesh.cli.workspace import Workspace, claim, name_links, place_of, try_workspace
-from silmesh.errors import InputError
+from silmesh.errors import InputError, shorten
 from silmesh.files import try_file
 from silmesh.geometry.thresholds import CONVINCING
 from silmesh.intake.photographs import (
@@ -69,7 +69,7 @@ def make_mesh(
     """Make a mesh of the photographs that a person names.
 
     Args:
-        paths: a folder, or files, or a video
+        paths: a folder, or several, or files, or a video
         output: the mesh to write
         page: the page to write; None for none
         keep: the folder to work in; None for one in the cache
@@ -83,10 +83,13 @@ def make_mesh(
         RunError: a step of the workflow failed
     """
     _try_outputs(output, page)
+    _refuse_sets_of_video(paths, options["sets"])
     folder, name = place_of(paths, keep)
     try_workspace(folder, OTHER_KEEP if keep else OTHER_CACHE)
     named = _cut_video(paths, folder)
-    files, found = _find_inputs(named, masks, silhouettes, cameras, (output, page, folder))
+    several = bool(options["sets"].strip())
+    others = (output, page, folder)
+    files, found = _find_inputs(named, masks, silhouettes, cameras, others, several)
     silhouettes, tries = _choose(files, found, silhouettes, cameras)
     if silhouettes == MASK:
         refuse_labels(found)
@@ -170,6 +173,15 @@ def _refuse_inputs(outputs: Sequence[Path | None], files: Sequence[Path]) -> Non
             raise InputError(f"{output}: is one of the files that are read; should be another one")
 
 
+def _refuse_sets_of_video(paths: Sequence[Path], sets: str) -> None:
+    """Refuse to name sets of the pictures that a video is cut into."""
+    if sets.strip() and len(paths) == 1 and is_video(paths[0]):
+        raise InputError(
+            f"--sets {shorten(sets)}: {paths[0]} is a video, whose pictures have no names yet; "
+            "give photographs of each set, or leave --sets out"
+        )
+
+
 def _cut_video(paths: Sequence[Path], folder: Path) -> Sequence[Path]:
     """What is named; of a video the photographs that it is cut into, in the folder to work in."""
     if len(paths) > 1 or not is_video(paths[0]):
@@ -187,15 +199,17 @@ def _find_inputs(
     silhouettes: str | None,
     cameras: str | None,
     others: Sequence[Path | None],
+    several: bool,
 ) -> tuple[list[Path], list[Path]]:
     """The photographs and their masks, if these are wanted; says what lies there and is not used.
 
     Args:
-        named: a folder, or files
+        named: a folder, or several, or files
         others: what else is named, which is no photograph that was overlooked
+        several: they are said to be of several sets
     """
     besides = [path for path in (*others, masks, _path_of(cameras)) if path]
-    files, notes = find_photographs(named, besides)
+    files, notes = find_photographs(named, besides, several)
     found, lacking = _find_masks(files, masks, silhouettes)
     known = [] if _path_of(cameras) else find_cameras(files)
     _say(describe_count(files), *notes, *lacking, *known)

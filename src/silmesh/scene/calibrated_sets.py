@@ -50,7 +50,7 @@ def calibrate_sets(
         if joined.cameras is not None and better:
             said = _say_taken(parts, views, split.because)
             return replace(joined, warnings=(said, *joined.warnings))
-        tried.append(f"taken as {len(parts)} sets, by {split.because}: {joined.refusal}")
+        tried.append(f"taken as {len(parts)} sets, {split.because}: {joined.refusal}")
     if whole.cameras is not None:
         return whole
     return replace(whole, refusal="; ".join([str(whole.refusal), *tried]))
@@ -65,7 +65,7 @@ def _say_taken(parts: Sequence[Sequence[int]], views: Sequence[View], why: str) 
     named = ", ".join(_name([views[i] for i in part]) for part in parts)
     return (
         f"cameras {SOURCE!r}: no one turntable explains all {len(views)} views, so they were "
-        f"taken as {len(parts)} sets, told apart by {why}: {named}"
+        f"taken as {len(parts)} sets, told apart {why}: {named}"
     )
 
 
