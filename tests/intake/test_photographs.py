@@ -91,7 +91,8 @@ def test_several_folders_are_sets_or_rounds_of_one_object(tmp_path, names):
 
 def test_a_folder_named_twice_is_one(tmp_path):
     files = save_series(tmp_path, "a")
-    assert find_photographs([tmp_path, tmp_path / "../" / tmp_path.name]) == (files, [])
+    found, notes = find_photographs([tmp_path, tmp_path / "../" / tmp_path.name])
+    assert ([file.resolve() for file in found], notes) == (files, [])
 
 
 def test_folders_beside_files_and_an_empty_one_are_refused(tmp_path):

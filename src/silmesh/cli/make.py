@@ -50,6 +50,7 @@ PAGE = "results/report/report.html"
 RESULTS = ("mesh.glb", "mesh.obj", "metrics.json")
 FILE = "file"  # the source of cameras that a path follows
 MASK = "mask"  # the source of silhouettes that are files
+TAKING_SETS = (None, "calibrate", "auto")  # sources of cameras; None where they are chosen
 BEFORE_CAMERAS = ("", "views", "fetch_weights", "silhouettes")  # other cameras do not mend these
 
 
@@ -83,7 +84,7 @@ def make_mesh(
         RunError: a step of the workflow failed
     """
     _try_outputs(output, page)
-    _refuse_sets_of_video(paths, options["sets"])
+    _refuse_sets(paths, options["sets"], cameras)
     folder, name = place_of(paths, keep)
     try_workspace(folder, OTHER_KEEP if keep else OTHER_CACHE)
     named = _cut_video(paths, folder)
@@ -173,12 +174,20 @@ def _refuse_inputs(outputs: Sequence[Path | None], files: Sequence[Path]) -> Non
             raise InputError(f"{output}: is one of the files that are read; should be another one")
 
 
-def _refuse_sets_of_video(paths: Sequence[Path], sets: str) -> None:
-    """Refuse to name sets of the pictures that a video is cut into."""
-    if sets.strip() and len(paths) == 1 and is_video(paths[0]):
+def _refuse_sets(paths: Sequence[Path], sets: str, cameras: str | None) -> None:
+    """Refuse to name sets of a video's pictures, or beside cameras that do not take them."""
+    if not sets.strip():
+        return
+    given = f"--sets {shorten(sets)}"
+    if len(paths) == 1 and is_video(paths[0]):
         raise InputError(
-            f"--sets {shorten(sets)}: {paths[0]} is a video, whose pictures have no names yet; "
-            "give photographs of each set, or leave --sets out"
+            f"{given}: {paths[0]} is a video, whose pictures have no names yet; give photographs "
+            "of each set, or leave --sets out"
+        )
+    if cameras not in TAKING_SETS:
+        raise InputError(
+            f"{given}: --cameras {cameras} takes no sets; should be "
+            f"{' or '.join(filter(None, TAKING_SETS))}, or --sets left out"
         )
 
 
