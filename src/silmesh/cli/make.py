@@ -123,8 +123,7 @@ def _say_outcome(
         unread: how many photographs are in formats that are not read
     """
     metrics = _read(work, variant)
-    if metrics["cameras"]["source"] == FILE:
-        _say(*(_as_written(warning, tried[0]) for warning in metrics["cameras"]["warnings"]))
+    _say(*(_as_written(warning, tried[-1]) for warning in metrics["cameras"]["warnings"]))
     _say(*describe_repairs(metrics))
     for stage in ("first", "fit"):
         _say(*metrics[stage]["warnings"])
