@@ -1,11 +1,14 @@
 """Silhouettes of an ellipsoid, damaged on purpose, solved with colours that are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scenes import dome, silhouettes
 
 from silmesh.geometry.overlap import iou
 from silmesh.scene.outliers import find_outliers
+from silmesh.scene.policy import DROPPED, decide
 from silmesh.scene.resegmentation import find_specks, solve_jointly
 
 COUNT, SIZE = 24, 96
@@ -112,3 +115,24 @@ def test_specks_go_and_pinholes_are_filled(scene):
     assert list(solved.reasons) == [7]
     assert solved.reasons[7].startswith("specks are ")
     assert iou(solved.silhouettes[7], truth[7]) > 0.99
+
+
+@pytest.mark.parametrize("turn", [1.5, 5.0, 40.0])
+def test_right_silhouettes_outlast_wrong_cameras(scene, turn):
+    """A fifth of the cameras look past the object by so many degrees, or are turned far away."""
+    cameras, truth, pixels = scene
+    wrong, R = [1, 6, 11, 16, 21], cameras.R.clone()
+    cos, sin = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+    around = {
+        True: [[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]],
+        False: [[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]],
+    }
+    R[wrong] = R.new_tensor(around[turn > 10]) @ R[wrong]
+    cameras = replace(cameras, R=R)
+
+    def solve(verdict):
+        return solve_jointly(pixels.__getitem__, truth, cameras, verdict)
+
+    decision = decide("repair", 3, truth, cameras, solve)
+    assert iou(decision.silhouettes, truth).min() > 0.98
+    assert {i for i, fate in enumerate(decision.fates) if fate == DROPPED} <= set(wrong)
