@@ -19,7 +19,7 @@ from silmesh.scene.policy import DROPPED, REPAIRED, WEIGHTS, Decision, decide
 from silmesh.scene.resegmentation import Solved, solve_jointly
 from silmesh.scene.scene import Scene, find_similarity
 
-HELD = 64  # working images in memory at a time
+HELD = 2**28  # bytes of working images in memory at a time
 GREY = 128  # stands for the colours of a photograph whose colours mean nothing
 LOWERING = "lowers the hull IoU most"  # reason of a view that is named although it is no outlier
 
@@ -88,7 +88,9 @@ def judge_scene(
     lost = {position[view]: why for view, why in known.items() if view in position}
     unreadable = [position[view] for view in notes["unreadable"] if view in position]
 
-    @lru_cache(HELD)
+    height, width = scene.silhouettes.shape[1:]
+
+    @lru_cache(max(1, HELD // (3 * height * width)))
     def look(i: int) -> np.ndarray:
         return _read_colours(scene.images[views[i]])
 
