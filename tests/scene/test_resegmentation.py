@@ -117,22 +117,19 @@ def test_specks_go_and_pinholes_are_filled(scene):
     assert iou(solved.silhouettes[7], truth[7]) > 0.99
 
 
-@pytest.mark.parametrize("turn", [1.5, 5.0, 40.0])
-def test_right_silhouettes_outlast_wrong_cameras(scene, turn):
-    """A fifth of the cameras look past the object by so many degrees, or are turned far away."""
+@pytest.mark.parametrize("shift", [0.05, 0.3])
+def test_right_silhouettes_outlast_wrong_cameras(scene, shift):
+    """A fifth of the cameras stand beside where they were: by a tenth of the radius, or by more."""
     cameras, truth, pixels = scene
-    wrong, R = [1, 6, 11, 16, 21], cameras.R.clone()
-    cos, sin = np.cos(np.radians(turn)), np.sin(np.radians(turn))
-    around = {
-        True: [[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]],
-        False: [[cos, 0, sin], [0, 1, 0], [-sin, 0, cos]],
-    }
-    R[wrong] = R.new_tensor(around[turn > 10]) @ R[wrong]
-    cameras = replace(cameras, R=R)
+    wrong, t = [1, 6, 11, 16, 21], cameras.t.clone()
+    t[wrong, 0] += shift
+    cameras = replace(cameras, t=t)
 
     def solve(verdict):
         return solve_jointly(pixels.__getitem__, truth, cameras, verdict)
 
     decision = decide("repair", 3, truth, cameras, solve)
+    assert decision.verdict.outliers == wrong
     assert iou(decision.silhouettes, truth).min() > 0.98
-    assert {i for i, fate in enumerate(decision.fates) if fate == DROPPED} <= set(wrong)
+    dropped = [i for i, fate in enumerate(decision.fates) if fate == DROPPED]
+    assert dropped == (wrong if shift > 0.1 else [])
