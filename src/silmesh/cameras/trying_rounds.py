@@ -159,7 +159,8 @@ class _Rounds:
         if asked or one.fit.rms <= doubtful or not self.crops.told:
             return None
         found = self._try_crops()
-        return found if found and found.fit.rms <= CLEARER * one.fit.rms else None
+        better = found and found.verdict is None and found.fit.rms <= CLEARER * one.fit.rms
+        return found if better else None
 
     def try_others(self, verdict: Consensus | None) -> None:
         """Fit rounds and crops that no sign tells, until a fit explains most views.
