@@ -86,7 +86,9 @@ def make_mesh(
     folder, name = place_of(paths, keep)
     try_workspace(folder, OTHER_KEEP if keep else OTHER_CACHE)
     named = _cut_video(paths, folder)
-    files, found = _find_inputs(named, masks, silhouettes, cameras, (output, page, folder))
+    of_one = bool(options["sets"])  # sets are of one object, whatever they differ in
+    others = (output, page, folder)
+    files, found = _find_inputs(named, masks, silhouettes, cameras, others, of_one)
     silhouettes, tries = _choose(files, found, silhouettes, cameras)
     if silhouettes == MASK:
         refuse_labels(found)
@@ -187,15 +189,17 @@ def _find_inputs(
     silhouettes: str | None,
     cameras: str | None,
     others: Sequence[Path | None],
+    of_one: bool,
 ) -> tuple[list[Path], list[Path]]:
     """The photographs and their masks, if these are wanted; says what lies there and is not used.
 
     Args:
         named: a folder, or files
         others: what else is named, which is no photograph that was overlooked
+        of_one: whether a folder's photographs are said to be of one object
     """
     besides = [path for path in (*others, masks, _path_of(cameras)) if path]
-    files, notes = find_photographs(named, besides)
+    files, notes = find_photographs(named, besides, of_one=of_one)
     found, lacking = _find_masks(files, masks, silhouettes)
     known = [] if _path_of(cameras) else find_cameras(files)
     _say(describe_count(files), *notes, *lacking, *known)

@@ -51,13 +51,14 @@ def is_picture(path: Path) -> bool:
 
 
 def find_photographs(
-    paths: Sequence[Path], besides: Iterable[Path] = ()
+    paths: Sequence[Path], besides: Iterable[Path] = (), *, of_one: bool = False
 ) -> tuple[list[Path], list[str]]:
     """The photographs that a person names, in the natural order of their views.
 
     Args:
         paths: one folder, or files
         besides: what is used otherwise, and may lie there too
+        of_one: whether a folder's photographs are said to be of one object, whatever they differ in
     Returns:
         the files, and what a person should know of them and of what is not used
 
@@ -76,7 +77,7 @@ def find_photographs(
             "files; `silmesh init` writes a table for a folder of folders"
         )
     if folders:
-        files = _in_folder(folders[0])
+        files = _in_folder(folders[0], of_one)
         known = set(map(os.path.abspath, besides))
         others = [path for path in _others_in(folders[0]) if os.path.abspath(path) not in known]
         return files, [*_tell_unused(others, files), *_tell_shapes(files)]
@@ -170,14 +171,14 @@ def folders_within(folder: Path) -> list[Path]:
     return sorted((path for path in within if images_in(path)), key=natural_key)
 
 
-def _in_folder(folder: Path) -> list[Path]:
-    """The photographs of a folder, which are of one object as far as one can see."""
+def _in_folder(folder: Path, of_one: bool) -> list[Path]:
+    """The photographs of a folder, of one object as far as one can see, or as is said."""
     images = images_in(folder)
     if not images:
         raise InputError(_say_why_none(folder))
     files = order_photographs(split_masks(images)[0])
     _refuse_few(files, f"{folder}: holds")
-    if mix := _mix(files):
+    if not of_one and (mix := _mix(files)):
         raise InputError(
             f"{folder}: holds photographs that differ: {mix}. silmesh makes one object: name its "
             f"files, as in `silmesh {_pattern(files)} -o mesh.glb`"
