@@ -151,7 +151,9 @@ def move_to_world_of(found: Cameras, true: Cameras, mesh: trimesh.Trimesh) -> tr
     rows = rows.transpose(1, 0, 2, 3).reshape(len(points), -1, 4)
     seen = np.linalg.svd(rows)[2][:, -1]
     there = seen[:, :3] / seen[:, 3:]
-    return mesh.copy().apply_transform(trimesh.registration.procrustes(points, there, False)[0])
+    return mesh.copy().apply_transform(
+        trimesh.registration.procrustes(points, there, reflection=False)[0]
+    )
 
 
 def run(name: str, other: str, size: int, seed: int, calibrated: bool) -> dict:
