@@ -10,11 +10,12 @@ import argparse
 import json
 import math
 import time
-from itertools import chain
+from itertools import chain, product
 from pathlib import Path
 
 import numpy as np
 import torch
+from photographed import measure_fit, reconstruct_silhouettes
 
 from silmesh.cameras.calibrate import Calibration, attempt_calibration, calibrate
 from silmesh.cameras.turntable import orbit_cameras, turntable_cameras
@@ -164,24 +165,43 @@ def run_rounds(kind: str, seed: int, size: int) -> dict:
     case = {"kind": kind, "object": name, "cpu_seconds": time.process_time() - start}
     if attempt.cameras is None:
         return case | {"refused": attempt.refusal}
-    found = attempt.figures.get("rounds", [])
     right = [i for i in range(len(seen)) if i not in wrong]
     normalised = attempt.cameras.in_world_of(find_similarity(attempt.cameras, seen)).select(right)
     hull = coherence(carve(seen[right], normalised), normalised, seen[right])
     named = {int(view[1:]) for view in attempt.figures["disagreeing"]}
-    elevations = [one["estimates"]["elevation"]["value"] for one in found]
-    as_taken = [len(one["views"]) for one in found] == [one["views"] for one in truth]
-    errors = [abs(e - one["elevation"]) for e, one in zip(elevations, truth, strict=False)]
     return case | {
-        "views": [len(one["views"]) for one in found],
-        "as_taken": as_taken,
-        "elevations": elevations,
-        "error": max(errors) if as_taken else None,
+        **judge_rounds(attempt.figures.get("rounds", []), truth),
         "hull_iou": float(hull.mean()),
         "rms": attempt.figures["rms"],
         "wrong_named": len(wrong & named),
         "right_named": len(named - wrong),
     }
+
+
+def judge_rounds(found: list[dict], truth: list[dict]) -> dict:
+    """Which rounds were found, and how far their elevations are off if they are as taken."""
+    elevations = [one["estimates"]["elevation"]["value"] for one in found]
+    as_taken = [len(one["views"]) for one in found] == [one["views"] for one in truth]
+    errors = [abs(e - one["elevation"]) for e, one in zip(elevations, truth, strict=False)]
+    return {
+        "views": [len(one["views"]) for one in found],
+        "as_taken": as_taken,
+        "elevations": elevations,
+        "error": max(errors) if as_taken else None,
+    }
+
+
+def fit_rounds(kind: str, seed: int, size: int) -> dict:
+    """What a run with a fitted mesh comes to, from photographs of several rounds."""
+    cameras, truth = random_rounds(kind, size, np.random.default_rng(seed))
+    name = OBJECTS[seed % len(OBJECTS)]
+    seen = render(name, cameras)
+    start = time.process_time()
+    made = reconstruct_silhouettes(cameras.views, seen)
+    seconds = time.process_time() - start
+    rounds = made.scene.notes["figures"].get("rounds", [])
+    case = {"kind": kind, "object": name, "cpu_seconds": seconds}
+    return case | judge_rounds(rounds, truth) | measure_fit(made)
 
 
 def summarise_rounds(cases: list[dict]) -> dict:
@@ -281,9 +301,14 @@ def main() -> None:
     args.add_argument("--silhouettes", type=Path, help="folder of real ones")
     args.add_argument("--step", type=float, default=5.0, help="of those, in degrees")
     args.add_argument("--rounds", nargs="+", choices=ROUNDS, default=[], help="several, not one")
+    args.add_argument("--fit", action="store_true", help="runs of rounds, with the fit of a mesh")
     args.add_argument("--details", action="store_true", help="every case")
     given = args.parse_args()
     torch.set_num_threads(given.threads)
+    if given.fit:
+        for kind, i in product(given.rounds, range(given.cases)):
+            print(json.dumps(fit_rounds(kind, given.first + i, given.size)), flush=True)
+        return
     if given.rounds:
         print(json.dumps(measure_rounds(given), indent=1))
         return

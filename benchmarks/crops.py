@@ -11,14 +11,12 @@ import time
 from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import torch
 import trimesh
-from PIL import Image
+from photographed import measure_fit, reconstruct_silhouettes
 
-import silmesh
 from silmesh.cameras.calibrate import attempt_calibration
 from silmesh.cameras.turntable import orbit_cameras
 from silmesh.geometry.camera import Cameras
@@ -118,9 +116,7 @@ def cases(given: argparse.Namespace) -> Iterator[tuple]:
     )
 
 
-def find(
-    seen: np.ndarray, frames: np.ndarray, cameras: Cameras, step: float | None, size: int
-) -> dict:
+def find(seen: np.ndarray, frames: np.ndarray, cameras: Cameras, step: float | None) -> dict:
     """What ``calibrate`` finds of one case."""
     longest = (frames[:, 2:] - frames[:, :2]).max(axis=1)
     scales = np.repeat(cameras.K[:, :1, 0].numpy(), 2, axis=1)
@@ -144,20 +140,20 @@ def find(
     }
 
 
-def fit_mesh(case: Path, seen: np.ndarray, frames: np.ndarray, step: float) -> dict:
-    """The final IoU of a run from photographs that show the silhouettes alone, cropped."""
-    for folder in ("photographs", "masks"):
-        (case / folder).mkdir(parents=True)
-    for i, (silhouette, (left, top, right, bottom)) in enumerate(zip(seen, frames, strict=True)):
-        part = silhouette[top:bottom, left:right]
-        grey = np.where(part, 150, 20).astype(np.uint8)
-        Image.fromarray(np.stack([grey] * 3, axis=2)).save(case / f"photographs/v{i:02d}.png")
-        Image.fromarray(part.astype(np.uint8) * 255).save(case / f"masks/v{i:02d}.png")
-    made = silmesh.reconstruct(
-        case / "photographs", masks=case / "masks", size=seen.shape[1], cameras="calibrate",
-        turntable=f",,{step:g}",
-    )  # fmt: skip
-    return {"iou": float(made.metrics["iou_mean"]), "iou_least": float(made.metrics["iou_min"])}
+def fit_mesh(seen: np.ndarray, frames: np.ndarray, cameras: Cameras, step: float | None) -> dict:
+    """What a run comes to, from photographs that show the silhouettes alone, cropped."""
+    turntable = f",,{step:g}" if step else ""
+    start = time.process_time()
+    made = reconstruct_silhouettes(cameras.views, seen, frames, turntable=turntable)
+    figures = made.scene.notes["figures"]
+    elevation = figures["estimates"]["elevation"]
+    return {
+        "cropped": "crops" in figures,
+        **measure_fit(made),
+        "elevation": [elevation["value"], elevation["sd"]],
+        "disagreeing": len(figures["disagreeing"]),
+        "cpu_seconds": time.process_time() - start,
+    }
 
 
 def main() -> None:
@@ -171,7 +167,7 @@ def main() -> None:
     args.add_argument("--margins", nargs="+", type=float, default=[0.05])
     args.add_argument("--half-angles", nargs="+", type=float, default=[HALF_ANGLE])
     args.add_argument("--size", type=int, default=128)
-    args.add_argument("--fit", action="store_true", help="fit meshes too")
+    args.add_argument("--fit", action="store_true", help="runs, with the fit of a mesh")
     args.add_argument("--without-step", action="store_true", help="do not give the step")
     args.add_argument("--threads", type=int, default=1)
     given = args.parse_args()
@@ -187,10 +183,8 @@ def main() -> None:
             "margin": margin, "half_angle": half_angle,
             "coherence_true": float(normalise(cameras, seen, frames=frames).overall),
         }  # fmt: skip
-        row |= find(seen, frames, cameras, step, given.size)
-        if given.fit:
-            with TemporaryDirectory() as folder:
-                row |= fit_mesh(Path(folder), seen, frames, 360 / views)
+        judge = fit_mesh if given.fit else find
+        row |= judge(seen, frames, cameras, step)
         print(json.dumps(row), flush=True)
         for key in ("coherence", "iou"):
             if key in row:

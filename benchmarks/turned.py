@@ -2,6 +2,7 @@ r"""How well two sets of views, between which the object was turned over, are jo
 
 python benchmarks/turned.py --cases 20 --scans cup.glb bottle.glb --json FILE
 python benchmarks/turned.py --cases 6 --calibrate       # cameras found from each set's silhouettes
+python benchmarks/turned.py --cases 3 --fit --size 64    # and meshes fitted to both and to each
 python benchmarks/turned.py --cases 6 --mismatched      # two different objects, to be refused
 
 Each case is an object, made-up or a scan, in 24 views from one height, then turned by a random
@@ -12,18 +13,21 @@ of its own.
 import argparse
 import json
 import time
+from dataclasses import dataclass
 from pathlib import Path
 
 import igl
 import numpy as np
 import torch
 import trimesh
+from photographed import measure_fit, reconstruct_silhouettes
 from PIL import Image
 from scipy.ndimage import map_coordinates
 from scipy.spatial.transform import Rotation
 
 from silmesh.cameras.attempt import Attempt
 from silmesh.cameras.turntable import orbit_cameras
+from silmesh.evaluation.ground_truth import compare_to_truth
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.visual_hull import Hull, carve
 from silmesh.scene.agreement import normalise
@@ -81,25 +85,86 @@ def measure_volume(hull: Hull, points: np.ndarray, inside: np.ndarray) -> float:
     return float((filled & inside).sum() / (filled | inside).sum())
 
 
-def run(name: str, other: str, size: int, seed: int, calibrated: bool) -> dict:
-    """One case: what was found, and how far from the truth it is."""
-    random = np.random.default_rng(seed)
-    verts, faces, colours = load(name)
-    turned, faces_b, colours_b = (verts, faces, colours) if other == name else load(other)
+@dataclass(frozen=True)
+class Shot:
+    """An object in two sets of views, before and after it was turned over, or two objects.
+
+    Attributes:
+        sets: true cameras of each, in a world of its own
+        meshes: the object there
+        silhouettes: of each, [views, size, size] bool
+        pictures: of all views
+        Q: rotation of the second set's object against the first's
+    """
+
+    sets: list[Cameras]
+    meshes: list[trimesh.Trimesh]
+    silhouettes: list[np.ndarray]
+    pictures: dict[str, Image.Image]
+    Q: np.ndarray
+
+
+def photograph_both(first: tuple, second: tuple, size: int, random: np.random.Generator) -> Shot:
+    """Both sets of an object, or of two, as ``load`` has them."""
+    verts, faces, colours = first
+    turned, faces_b, colours_b = second
     Q = Rotation.random(random_state=random).as_matrix()
     moved = 0.9 * turned @ Q + random.uniform(-0.05, 0.05, 3)
-    names = [f"v{i:02}" for i in range(2 * VIEWS)]
-    sets = [stand(names[:VIEWS], size, random), stand(names[VIEWS:], size, random)]
+    sets = [stand([f"{s}{i:02}" for i in range(VIEWS)], size, random) for s in "ab"]
     shot = [
         photograph(sets[0], verts, faces, colours),
         photograph(sets[1], moved, faces_b, colours_b),
     ]
-    silhouettes = np.concatenate([s for s, _ in shot])
-    pictures = shot[0][1] | shot[1][1]
+    meshes = [
+        trimesh.Trimesh(verts, faces, process=False),
+        trimesh.Trimesh(moved, faces_b, process=False),
+    ]
+    return Shot(sets, meshes, [s for s, _ in shot], shot[0][1] | shot[1][1], Q)
+
+
+def fit_sets(name: str, size: int, seed: int) -> dict:
+    """Meshes fitted to both sets and to each alone, whose cameras ``calibrate`` finds."""
+    shot = photograph_both(load(name), load(name), size, np.random.default_rng(seed))
+    start = time.process_time()
+    case = {"object": Path(name).stem, "seed": seed}
+    for end, kept, sets in (("", (0, 1), "a*;b*"), ("_first", (0,), ""), ("_second", (1,), "")):
+        names = [view for i in kept for view in shot.sets[i].views]
+        seen = np.concatenate([shot.silhouettes[i] for i in kept])
+        made = reconstruct_silhouettes(names, seen, pictures=shot.pictures, sets=sets)
+        truth = move_to_world_of(made.cameras, shot.sets[kept[0]], shot.meshes[kept[0]])
+        told = measure_fit(made) | {"volume_iou": compare_to_truth(made.mesh, truth)["volume_iou"]}
+        case |= {f"{key}{end}": value for key, value in told.items()}
+    return case | {"cpu_seconds": round(time.process_time() - start, 1)}
+
+
+def move_to_world_of(found: Cameras, true: Cameras, mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """The mesh where cameras that were found see it as the true ones do.
+
+    A tenth of its vertices at least are triangulated from where the true cameras project them.
+    """
+    views = [view for view in true.views if view in found.views]
+    found = found.select([found.views.index(view) for view in views])
+    points = np.asarray(mesh.vertices)[:: max(1, len(mesh.vertices) // 200)]
+    pixels = true.select([true.views.index(v) for v in views]).project(torch.as_tensor(points))
+    P = (found.K @ torch.cat([found.R, found.t[:, :, None]], dim=2)).numpy()
+    rows = pixels.numpy()[..., None] * P[:, None, 2:] - P[:, None, :2]  # [views, points, 2, 4]
+    rows = rows.transpose(1, 0, 2, 3).reshape(len(points), -1, 4)
+    seen = np.linalg.svd(rows)[2][:, -1]
+    there = seen[:, :3] / seen[:, 3:]
+    return mesh.copy().apply_transform(
+        trimesh.registration.procrustes(points, there, reflection=False)[0]
+    )
+
+
+def run(name: str, other: str, size: int, seed: int, calibrated: bool) -> dict:
+    """One case: what was found, and how far from the truth it is."""
+    shot = photograph_both(load(name), load(other), size, np.random.default_rng(seed))
+    sets, silhouettes, pictures = shot.sets, np.concatenate(shot.silhouettes), shot.pictures
+    halves = [list(cameras.views) for cameras in sets]
+    names = [view for half in halves for view in half]
     views = [place_view(view, view, size, size, size, "pad") for view in names]
     start = time.process_time()
     if calibrated:
-        halves = [names[:VIEWS], names[VIEWS:]]
         found = calibrate_sets(silhouettes, views, halves, pictures)
     else:
         attempts = [Attempt("given", cameras) for cameras in sets]
@@ -113,9 +178,9 @@ def run(name: str, other: str, size: int, seed: int, calibrated: bool) -> dict:
     case |= {key: join[key] for key in ("rivals", "revolution", "colours") if key in join}
     if other != name:
         return case
-    case["degrees_off"] = relative_error(sets, Q, found.cameras)
+    case["degrees_off"] = relative_error(sets, shot.Q, found.cameras)
     return case | (
-        {} if calibrated else compare_volumes(views, silhouettes, sets, found, verts, faces)
+        {} if calibrated else compare_volumes(views, silhouettes, sets, found, *load(name)[:2])
     )
 
 
@@ -166,13 +231,18 @@ def main() -> None:
     args.add_argument("--objects", nargs="*", default=OBJECTS)
     args.add_argument("--scans", nargs="*", default=[], help="meshes, beside the made-up objects")
     args.add_argument("--calibrate", action="store_true", help="find each set's cameras")
+    args.add_argument("--fit", action="store_true", help="runs, with the fit of a mesh")
     args.add_argument("--mismatched", action="store_true", help="the sets show different objects")
     args.add_argument("--json", type=Path)
     given = args.parse_args()
     objects, cases = [*given.objects, *given.scans], []
     for i in range(given.cases):
         name, other = (objects[(i + k) % len(objects)] for k in (0, int(given.mismatched)))
-        case = run(name, other, given.size, given.first + i, given.calibrate)
+        seed = given.first + i
+        if given.fit:
+            case = fit_sets(name, given.size, seed)
+        else:
+            case = run(name, other, given.size, seed, given.calibrate)
         cases.append(case)
         print(json.dumps(case), flush=True)
     if given.json:

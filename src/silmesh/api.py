@@ -202,7 +202,7 @@ def reconstruct(
     sections = _check_sections(settings or {}, named)
     known = _read_truth(truth)  # before the work
     beside = [path for path in (masks, cameras) if isinstance(path, str | Path)]
-    files, notes, video = _find_files(photographs, beside)
+    files, notes, video = _find_files(photographs, beside, bool(sets))
     origin = _SilhouetteSource(files, masks, silhouettes)
     policy, fewest = _policy(origin.source, sections["quality"])
     shown = _read(files, notes, video, sections["views"], policy, fewest, _tell(progress, "views"))
@@ -516,7 +516,7 @@ def _find_masks(files: Sequence[Path], masks: Paths | None) -> tuple[list[Path],
 
 
 def _find_files(
-    photographs: Paths, besides: Sequence[str | Path]
+    photographs: Paths, besides: Sequence[str | Path], several: bool = False
 ) -> tuple[tuple[Path, ...], tuple[str, ...], TemporaryDirectory | None]:
     """The photographs, what is not used beside them, and the folder of a video's pictures."""
     one = isinstance(photographs, str | Path)
@@ -531,7 +531,7 @@ def _find_files(
 
         video = TemporaryDirectory()
         paths = list(cut(paths[0], Path(video.name) / "frames"))
-    files, notes = find_photographs(paths, [Path(path) for path in besides])
+    files, notes = find_photographs(paths, [Path(path) for path in besides], several=several)
     return tuple(files), tuple(notes), video
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from trimesh.creation import icosphere as make_icosphere
 
 from silmesh.cameras.attempt import FILE, Attempt
 from silmesh.cameras.calibrate import attempt_calibration
@@ -128,6 +129,20 @@ def test_a_turntable_of_crops_is_found(bear):
     assert 0.001 < sd < 0.02
     true = scale / np.exp(np.log(scale).mean())
     assert np.abs(found / true - 1).max() < 0.02
+
+
+@pytest.mark.slow
+def test_crops_of_what_is_nearly_round_are_found_where_one_turntable_explains_it_too():
+    mesh = make_icosphere(subdivisions=3)
+    points = np.asarray(mesh.vertices) * [0.3, 0.5, 0.18]
+    points[points[:, 1] > 0.2] *= [0.6, 1, 0.6]  # a shoulder
+    body = torch.tensor(points), torch.tensor(np.asarray(mesh.faces))
+    cameras = stand(20)
+    cropped, _, _ = crop_to_box(cameras, body[0])
+    silhouettes = render(cropped, body)
+    attempt = attempt_calibration(silhouettes, cameras.views, step=18.0)
+    assert "crops" in attempt.figures
+    assert normalise(attempt.cameras, silhouettes).overall > 0.998  # 0.992 without crops
 
 
 def test_a_turntable_that_was_not_cropped_has_no_crops(bear):

@@ -130,6 +130,7 @@ def test_a_folder_of_two_objects_is_refused_and_one_by_its_files_is_not(tmp_path
     assert f"holds photographs that differ: {expected}." in said
     assert f"`silmesh {tmp_path}/cup_*.png -o mesh.glb`" in said
     assert find_photographs(cups) == (cups, [])
+    assert find_photographs([tmp_path], several=True)[0] == cups + jugs
     assert find_photographs(jugs + cups) == (
         cups + jugs,
         [f"these are taken for one object: {expected}"],

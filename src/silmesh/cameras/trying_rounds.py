@@ -40,6 +40,9 @@ from silmesh.settings.turntable import Turntable as Known
 
 SPLITS = 3  # ways to divide the photographs into rounds that are tried
 CLEARLY = 0.8  # of the views: if a fit explains so many, nothing else is tried
+# Where the photographs tell of crops, they are tried from this share of the residual that makes
+# views suspect, and taken up to this share of one round's residual.
+DOUBTFUL, CLEARER = 0.7, 0.6
 # What has to change from round to round, in the order of ROUND, where more than the table turned:
 # degrees, pixels, the logarithm of the distance.
 MOVED = np.array([2.0, 2.0, 2.0, np.inf, 0.05, np.inf, np.inf])
@@ -106,6 +109,8 @@ def fit_any(
     """
     rounds = _Rounds(turn, given, silhouettes, signs, crops, fewest)
     one = Found(*fit_most(turn, given, fewest, progress, rounds.try_clear), given)
+    if better := rounds.try_clearer(one):
+        return better
     if one.explained < CLEARLY * len(turn.index):
         rounds.try_others(one.verdict)
     best = max(rounds.tried, key=lambda found: found.explained, default=one)
@@ -143,6 +148,19 @@ class _Rounds:
         if self.crops.told and (found := self._try_crops()):
             return found.fit, found.verdict
         return self._try([split for split in self._told if split.clear][:SPLITS])
+
+    def try_clearer(self, one: Found) -> Found | None:
+        """The crops, where the photographs tell of them and they fit all views clearly better.
+
+        The silhouettes of what is nearly round hardly contradict one round.
+        """
+        doubtful = DOUBTFUL * SUSPECT * self.turn.size / 256
+        asked = one.verdict is not None or self.tried  # before, as views contradicted others
+        if asked or one.fit.rms <= doubtful or not self.crops.told:
+            return None
+        found = self._try_crops()
+        better = found and found.verdict is None and found.fit.rms <= CLEARER * one.fit.rms
+        return found if better else None
 
     def try_others(self, verdict: Consensus | None) -> None:
         """Fit rounds and crops that no sign tells, until a fit explains most views.
