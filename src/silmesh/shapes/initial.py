@@ -48,7 +48,7 @@ class Initial:
 
 @dataclass(frozen=True)
 class _Made:
-    """A mesh at unit size, what is said of a carved one, and the hull that it is drawn from."""
+    """A mesh at unit size, what is said of a carved one, and the hull it was drawn from."""
 
     shape: str
     mesh: trimesh.Trimesh
@@ -137,7 +137,7 @@ def _compare_starts(
     lost = made.notes["lost"]
     own = measure_start(made.mesh, lost, silhouettes, cameras, made.robust, frames)
     starts, finer = {made.shape: own}, []
-    if made.hull is not None and init.vertices == "auto" and own.iou < COHERENT:
+    if made.shape == "hull" and init.vertices == "auto" and own.iou < COHERENT:
         made, own, finer = _draw_finer(made, own, init.genus, silhouettes, cameras, frames)
         starts = {made.shape: own}
     if not (own.splinter if made.robust is None else own.poor):
