@@ -18,6 +18,7 @@ from silmesh.cameras.rounds import (
     is_in_order,
     propose,
     propose_by_signs,
+    read_signs,
     repeats_first,
     split_numbers,
     split_runs,
@@ -25,6 +26,7 @@ from silmesh.cameras.rounds import (
 )
 from silmesh.errors import InputError
 from silmesh.settings.turntable import parse_turntable
+from silmesh.views import place_view
 
 NOON = datetime(2026, 5, 1, 12)
 
@@ -44,6 +46,18 @@ def numbered(*numbers: int) -> list[str]:
 
 def lengths(split) -> list[int]:
     return [len(part) for part in split.rounds]
+
+
+def test_links_in_one_folder_tell_rounds_by_the_folders_that_they_lead_to(tmp_path):
+    """Their names go on; the command works on such links."""
+    views = []
+    for i in range(12):
+        link = tmp_path / f"links/IMG_{i}.jpg"
+        link.parent.mkdir(exist_ok=True)
+        link.symlink_to(tmp_path / ("low" if i < 6 else "high") / link.name)
+        views.append(place_view(link.stem, str(link), 40, 30, 64, "pad"))
+    first, *_ = propose_by_signs(read_signs(views))
+    assert (lengths(first), first.because) == ([6, 6], "by their folders")
 
 
 @pytest.fixture(scope="module")

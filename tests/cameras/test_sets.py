@@ -32,7 +32,8 @@ def test_an_empty_cell_names_no_set():
     ("cell", "said"),
     [
         ("up_*;side_*", "'side_*' matches no view and no folder"),
-        ("up_*", "names 1 set"),
+        ("up_*", "names one set; should name two or more"),
+        (";", "';' names no set; should name two or more"),
         ("up_*;*", "view 'up_0' is in 'up_*' and in '*'"),
         ("up_*;down_[0-3],down_x", "'down_x' matches no view"),
         ("up_*;down_[0-2]", "2 of 10 views are in no set: down_3, down_4"),

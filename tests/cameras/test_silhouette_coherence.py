@@ -123,6 +123,15 @@ def test_points_lie_evenly_on_the_outline():
     assert not outlines.cut.any()
 
 
+@pytest.mark.parametrize("pixels", [1, 2, 4, 6])
+def test_what_the_blur_would_erase_has_an_outline_around_it(pixels):
+    speck = np.zeros((1, 64, 64), bool)
+    speck[0, 30, 30 : 30 + pixels] = True
+    (points,) = trace(speck, 8, ["a"]).points
+    assert (points >= (30, 30)).all()
+    assert (points <= (30 + pixels, 31)).all()
+
+
 def test_an_outline_at_the_frame_is_not_the_objects():
     half = np.zeros((1, SIZE, SIZE), bool)
     half[0, 10:50, :30] = True

@@ -132,6 +132,7 @@ def test_times_in_words(seconds, said):
             "cup: making the initial mesh 256-pad-mask-calibrate-keep-3-hull",
             "making the initial mesh",
         ),
+        ("cup: drawing the cameras of 256-pad-mask-calibrate", "drawing the cameras"),
         ("fetching the weights of isnet, unless the cache has them",) * 2,
     ],
 )

@@ -125,6 +125,27 @@ def test_sets_are_named_as_the_links_to_the_photographs_are(tmp_path):
         _name_sets("up{1};side", files)
 
 
+@pytest.mark.parametrize("source", ["colmap", "turntable", "file:cameras.json"])
+def test_sets_beside_cameras_that_take_none_are_refused(tmp_path, source):
+    photos = photograph(tmp_path / "photos")
+    output = ["-o", tmp_path / "mesh.glb", "--keep", tmp_path / "work"]
+    status, said = call(photos, *output, "--sets", "a;b", "--cameras", source)
+    assert status == 2
+    assert said == (
+        f"silmesh: --sets 'a;b': --cameras {source} takes no sets; should be calibrate or auto, "
+        "or --sets left out\n"
+    )
+    assert not (tmp_path / "work").exists()
+
+
+def test_sets_of_a_video_are_refused_before_it_is_cut(tmp_path):
+    video = tmp_path / "turn.mp4"
+    video.touch()
+    status, said = call(video, "-o", tmp_path / "mesh.glb", "--sets", "a;b")
+    assert status == 2
+    assert f"--sets 'a;b': {video} is a video, whose pictures have no names yet" in said
+
+
 def test_masks_of_labels_are_refused_before_any_work(tmp_path):
     photos = photograph(tmp_path / "photos")
     (tmp_path / "masks").mkdir()

@@ -77,10 +77,38 @@ def test_what_a_folder_without_photographs_has_instead(tmp_path):
     assert [path.name for path in folders_within(tmp_path)] == ["cup", "jug"]
 
 
-def test_several_folders_are_several_objects(tmp_path):
-    save_series(tmp_path / "a", "a")
-    save_series(tmp_path / "b", "b")
-    assert "silmesh makes one object" in refusal(tmp_path / "a", tmp_path / "b")
+@pytest.mark.parametrize("names", [("IMG", "IMG"), ("a", "b")])
+def test_several_folders_are_sets_or_rounds_of_one_object(tmp_path, names):
+    folders = [tmp_path / "first", tmp_path / "second"]
+    files = [save_series(folder, name) for folder, name in zip(folders, names, strict=True)]
+    save(folders[0] / "masks/IMG_1.png")
+    found, (said,) = find_photographs(folders)
+    assert found == [*files[0], *files[1]]
+    alike = f"3 in {folders[0]}, 3 in {folders[1]}"
+    differ = "3 a_# (as a_0.png), 3 b_# (as b_0.png)"
+    assert said == f"these are taken for one object: {alike if len(set(names)) == 1 else differ}"
+
+
+def test_a_folder_named_twice_is_one(tmp_path):
+    files = save_series(tmp_path, "a")
+    found, notes = find_photographs([tmp_path, tmp_path / "../" / tmp_path.name])
+    assert ([file.resolve() for file in found], notes) == (files, [])
+
+
+def test_folders_beside_files_and_an_empty_one_are_refused(tmp_path):
+    files = save_series(tmp_path / "a", "a")
+    (tmp_path / "b").mkdir()
+    assert "folders are named beside files" in refusal(tmp_path / "a", files[0])
+    assert refusal(tmp_path / "a", tmp_path / "b").startswith(f"{tmp_path}/b: has no photograph")
+
+
+def test_a_folder_of_two_series_that_are_said_to_be_sets_is_one_object(tmp_path):
+    save_series(tmp_path, "down")
+    save_series(tmp_path, "up")
+    assert "say so by --sets" in refusal(tmp_path)
+    files, (said,) = find_photographs([tmp_path], several=True)
+    assert len(files) == 6
+    assert said.startswith("these are taken for one object: 3 down_#")
 
 
 def test_one_photograph_is_too_few(tmp_path):

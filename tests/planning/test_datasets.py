@@ -339,12 +339,30 @@ def test_a_turntable_of_wrong_numbers(table, cell):
     assert f"turntable: {cell!r}: should have a positive distance, an elevation of" in message
 
 
+def test_rounds_of_more_photographs_than_there_are(table):
+    message = refusal(table, HEADER + line(cameras="calibrate", turntable=",5,20;,40,20"))
+    assert "turntable: names 2 rounds of 3 photographs; each round should have 5 or" in message
+
+
+def test_rounds_beside_sets(table):
+    for name in ("up", "down"):
+        draw(table.parent / "over", [f"{name}_{i}" for i in range(5)])
+    columns = {"object": "cup", "images": "over", "silhouettes": "threshold", "cameras": "auto"}
+    columns |= {"sets": "up_*;down_*", "turntable": ",5,72;,40,72"}
+    rows = ("\t".join(columns), "\t".join(columns.values()))
+    message = refusal(table, "\n".join(rows) + "\n")
+    assert "turntable: names 2 rounds about one axis, and sets 2 sets, between which" in message
+
+
 def test_a_turntable_may_turn_the_other_way(table):
     assert read_one(table, turntable="2.732,30,-5").turntable == Turntable(2.732, 30, -5)
 
 
 def test_a_turntable_of_several_rounds(table):
-    known = read_one(table, cameras="calibrate", turntable=",5,20,18; ,40, ").turntable
+    draw(table.parent / "many", [f"r{i}" for i in range(36)])
+    cells = {"images": "many", "masks": "many_masks", "cameras": "calibrate"}
+    draw(table.parent / "many_masks", [f"r{i}" for i in range(36)])
+    known = read_one(table, **cells, turntable=",5,20,18; ,40, ").turntable
     assert known.rounds == (Turntable(None, 5, 20, 18), Turntable(None, 40, None))
     assert not known.complete
     assert parse_turntable(known.text) == known

@@ -8,7 +8,7 @@ from PIL import Image
 from turns import ROUND, turn
 
 from silmesh.geometry.frame import is_cut
-from silmesh.scene.diagnosis import describe_masks, diagnose
+from silmesh.scene.diagnosis import describe_cut, describe_masks, diagnose
 from silmesh.silhouettes import read_silhouettes, write_silhouettes
 from silmesh.views import place_view, write_views
 
@@ -120,7 +120,23 @@ def test_of_a_coherent_scene_only_a_frame_that_cuts_many(tmp_path):
     write_silhouettes("mask", shown, tmp_path / "views", files, tmp_path / "seen")
     seen = read_silhouettes(tmp_path / "seen", [view.view for view in shown])
     (said,) = diagnose(seen, shown, coherent=True)
-    assert said.startswith("the frame cuts the object in 3 of 8 photographs (0, 1, 2): leave")
+    assert said.startswith("the frame cuts the object in 3 of 8 photographs (0, 1, 2): what ")
+
+
+@pytest.mark.parametrize(
+    ("cut", "advice"),
+    [
+        (3, "leave those out, or photograph the whole object"),
+        (12, "what lies beyond only the other 4 show; add more such, or photograph the whole"),
+        (16, "photograph the whole object, from further away"),
+    ],
+)
+def test_views_that_most_are_like_are_not_advised_to_be_left_out(cut, advice):
+    seen = np.zeros((16, SIZE, SIZE), bool)
+    seen[:, 20:30, 20:30] = True
+    seen[:cut, 20:, 20:30] = True
+    (said,) = describe_cut(seen, views(16, SIZE, SIZE))
+    assert said.split("): ")[1].startswith(advice)
 
 
 def test_the_values_of_masks(tmp_path):

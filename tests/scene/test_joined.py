@@ -62,4 +62,4 @@ def test_a_set_of_three_views_is_refused():
     seen = show(FIRST)
     attempt = calibrate_sets(seen, VIEWS[:COUNT], [NAMES[:3], NAMES[3:COUNT]])
     assert attempt.cameras is None
-    assert "the set 'a0' to 'a2' (3 views) has 3 views" in attempt.refusal
+    assert "the set 'a0' to 'a2' (3 views) is too short: a set that" in attempt.refusal

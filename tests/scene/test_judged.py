@@ -105,3 +105,18 @@ def test_given_masks_are_repaired_where_that_is_asked(ball, tmp_path):
     bitten = scene.notes["repairs"][cameras.views[BITTEN[0]]]
     assert bitten["added"] == pytest.approx(0.2 / 0.8, abs=0.03)
     assert bitten["removed"] < 0.02
+
+
+def test_what_is_transparent_is_no_background(ball, tmp_path):
+    """A bite in a cut-out photograph is black as what is around it; the other views mend it."""
+    cameras, seen = ball
+    for i, (view, mask) in enumerate(zip(cameras.views, seen, strict=True)):
+        cut_out = bite(mask) if i in BITTEN else mask
+        photograph = np.full((SIZE, SIZE, 4), (180, 60, 40, 255), np.uint8) * cut_out[..., None]
+        save(tmp_path / f"photographs/{view}.png", photograph)
+    shown = silmesh.read_photographs(tmp_path / "photographs", size=SIZE)
+    found = silmesh.find_silhouettes(shown, source="alpha", policy="repair")
+    scene = silmesh.find_cameras(shown, found, cameras)
+    assert set(scene.notes["repaired"]) == named(cameras, BITTEN)
+    order = [cameras.views.index(view) for view in scene.cameras.views]
+    assert iou(scene.silhouettes, seen[order]).min() > 0.93

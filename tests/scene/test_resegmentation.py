@@ -1,11 +1,14 @@
 """Silhouettes of an ellipsoid, damaged on purpose, solved with colours that are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scenes import dome, silhouettes
 
 from silmesh.geometry.overlap import iou
 from silmesh.scene.outliers import find_outliers
+from silmesh.scene.policy import DROPPED, decide
 from silmesh.scene.resegmentation import find_specks, solve_jointly
 
 COUNT, SIZE = 24, 96
@@ -112,3 +115,21 @@ def test_specks_go_and_pinholes_are_filled(scene):
     assert list(solved.reasons) == [7]
     assert solved.reasons[7].startswith("specks are ")
     assert iou(solved.silhouettes[7], truth[7]) > 0.99
+
+
+@pytest.mark.parametrize("shift", [0.05, 0.3])
+def test_right_silhouettes_outlast_wrong_cameras(scene, shift):
+    """A fifth of the cameras stand beside where they were: by a tenth of the radius, or by more."""
+    cameras, truth, pixels = scene
+    wrong, t = [1, 6, 11, 16, 21], cameras.t.clone()
+    t[wrong, 0] += shift
+    cameras = replace(cameras, t=t)
+
+    def solve(verdict):
+        return solve_jointly(pixels.__getitem__, truth, cameras, verdict)
+
+    decision = decide("repair", 3, truth, cameras, solve)
+    assert decision.verdict.outliers == wrong
+    assert iou(decision.silhouettes, truth).min() > 0.98
+    dropped = [i for i, fate in enumerate(decision.fates) if fate == DROPPED]
+    assert dropped == (wrong if shift > 0.1 else [])

@@ -4,6 +4,7 @@ A round is a series of photographs between two movements of the camera, or of th
 Nothing here knows of cameras: what is proposed is tried where cameras are found.
 """
 
+import os
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -80,10 +81,17 @@ class Split:
 def read_signs(views: Sequence[View]) -> Signs:
     """The signs of photographs; times are read from their EXIF data."""
     return Signs(
-        tuple(Path(view.source) for view in views),
+        _find_own([Path(view.source) for view in views]),
         tuple((view.width, view.height) for view in views),
         tuple(read_time(view) for view in views),
     )
+
+
+def _find_own(files: Sequence[Path]) -> tuple[Path, ...]:
+    """The files; of links that all lie in one folder those that they lead to, in their folders."""
+    alone = len({file.parent for file in files}) < 2
+    led = [file.parent / os.readlink(file) if file.is_symlink() else file for file in files]
+    return tuple(led if alone else files)
 
 
 def propose(silhouettes: np.ndarray, signs: Signs | None = None) -> list[Split]:

@@ -34,8 +34,9 @@ def find_sets(
     named = [[part.strip() for part in one.split(",") if part.strip()] for one in apart]
     named = [patterns for patterns in named if patterns]
     if len(named) < 2:
+        count = "one set" if named else "no set"
         raise InputError(
-            f"sets: {shorten(cell)} names {len(named)} set; should name two or more, as "
+            f"sets: {shorten(cell)} names {count}; should name two or more, as "
             "'upright_*;turned_*', or be empty"
         )
     found = [_match(patterns, views, folders) for patterns in named]

@@ -129,9 +129,14 @@ def _measure_distance(silhouette: np.ndarray, far: float) -> np.ndarray:
 
 
 def _spread_points(distance: np.ndarray, samples: int) -> np.ndarray:
-    """Points at equal steps along the longest outline: [samples, 2] pixels x, y."""
+    """Points at equal steps along the longest outline: [samples, 2] pixels x, y.
+
+    The blur leaves nothing inside of a silhouette of a few pixels: its outline is then drawn around
+    what is most inside.
+    """
     closed = np.pad(distance, 1, constant_values=-0.5)
-    outline = max(find_contours(closed, 0.0), key=len) - 0.5  # rows, columns; centres at + 0.5
+    level = 0.0 if closed.max() > 0 else float(closed.max()) - 0.05  # above what is padded
+    outline = max(find_contours(closed, level), key=len) - 0.5  # rows, columns; centres at + 0.5
     length = np.concatenate([[0], np.linalg.norm(np.diff(outline, axis=0), axis=1).cumsum()])
     at = (np.arange(samples) + 0.5) / samples * length[-1]
     return np.stack([np.interp(at, length, outline[:, axis]) for axis in (1, 0)], axis=1)

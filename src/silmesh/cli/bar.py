@@ -177,4 +177,4 @@ def shorten(message: str) -> str:
     """A rule's message without the names of the object, the variant and stages."""
     message = re.sub(r"^[\w-]+(/[\w-]+)?: ", "", message)
     message = re.sub(r" file_\w+$", " a file", message)
-    return re.sub(r" \S*\d+-(pad|stretch)\S*| by \w+$", "", message)
+    return re.sub(r"( of)? \S*\d+-(pad|stretch)\S*| by \w+$", "", message)

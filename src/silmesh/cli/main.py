@@ -180,7 +180,7 @@ def main() -> None:
 )
 @click.option("--verbose", is_flag=True, help="Show all that the workflow says.")
 def make(photos: tuple[Path, ...], output: Path, **options: Any) -> None:
-    """Make a mesh of one object from its PHOTOS: a folder, or files, or a video.
+    """Make a mesh of one object from its PHOTOS: a folder (or one a round), files, or a video.
 
     Photograph the object all around, 20 to 100 times, whole and sharp: on a turntable before a
     plain background, or walking around it. Then:

@@ -23,7 +23,7 @@ from silmesh.cli.outcome import (
 )
 from silmesh.cli.runner import RunError, Runner
 from silmesh.cli.workspace import Workspace, claim, name_links, place_of, try_workspace
-from silmesh.errors import InputError
+from silmesh.errors import InputError, shorten
 from silmesh.files import try_file
 from silmesh.geometry.thresholds import CONVINCING
 from silmesh.intake.photographs import (
@@ -50,6 +50,7 @@ PAGE = "results/report/report.html"
 RESULTS = ("mesh.glb", "mesh.obj", "metrics.json")
 FILE = "file"  # the source of cameras that a path follows
 MASK = "mask"  # the source of silhouettes that are files
+TAKING_SETS = (None, "calibrate", "auto")  # sources of cameras; None where they are chosen
 BEFORE_CAMERAS = ("", "views", "fetch_weights", "silhouettes")  # other cameras do not mend these
 
 
@@ -69,7 +70,7 @@ def make_mesh(
     """Make a mesh of the photographs that a person names.
 
     Args:
-        paths: a folder, or files, or a video
+        paths: a folder, or several, or files, or a video
         output: the mesh to write
         page: the page to write; None for none
         keep: the folder to work in; None for one in the cache
@@ -83,10 +84,13 @@ def make_mesh(
         RunError: a step of the workflow failed
     """
     _try_outputs(output, page)
+    _refuse_sets(paths, options["sets"], cameras)
     folder, name = place_of(paths, keep)
     try_workspace(folder, OTHER_KEEP if keep else OTHER_CACHE)
     named = _cut_video(paths, folder)
-    files, found = _find_inputs(named, masks, silhouettes, cameras, (output, page, folder))
+    several = bool(options["sets"].strip())
+    others = (output, page, folder)
+    files, found = _find_inputs(named, masks, silhouettes, cameras, others, several)
     silhouettes, tries = _choose(files, found, silhouettes, cameras)
     if silhouettes == MASK:
         refuse_labels(found)
@@ -119,8 +123,7 @@ def _say_outcome(
         unread: how many photographs are in formats that are not read
     """
     metrics = _read(work, variant)
-    if metrics["cameras"]["source"] == FILE:
-        _say(*(_as_written(warning, tried[0]) for warning in metrics["cameras"]["warnings"]))
+    _say(*(_as_written(warning, tried[-1]) for warning in metrics["cameras"]["warnings"]))
     _say(*describe_repairs(metrics))
     for stage in ("first", "fit"):
         _say(*metrics[stage]["warnings"])
@@ -170,6 +173,23 @@ def _refuse_inputs(outputs: Sequence[Path | None], files: Sequence[Path]) -> Non
             raise InputError(f"{output}: is one of the files that are read; should be another one")
 
 
+def _refuse_sets(paths: Sequence[Path], sets: str, cameras: str | None) -> None:
+    """Refuse to name sets of a video's pictures, or beside cameras that do not take them."""
+    if not sets.strip():
+        return
+    given = f"--sets {shorten(sets)}"
+    if len(paths) == 1 and is_video(paths[0]):
+        raise InputError(
+            f"{given}: {paths[0]} is a video, whose pictures have no names yet; give photographs "
+            "of each set, or leave --sets out"
+        )
+    if cameras not in TAKING_SETS:
+        raise InputError(
+            f"{given}: --cameras {cameras} takes no sets; should be "
+            f"{' or '.join(filter(None, TAKING_SETS))}, or --sets left out"
+        )
+
+
 def _cut_video(paths: Sequence[Path], folder: Path) -> Sequence[Path]:
     """What is named; of a video the photographs that it is cut into, in the folder to work in."""
     if len(paths) > 1 or not is_video(paths[0]):
@@ -187,15 +207,17 @@ def _find_inputs(
     silhouettes: str | None,
     cameras: str | None,
     others: Sequence[Path | None],
+    several: bool,
 ) -> tuple[list[Path], list[Path]]:
     """The photographs and their masks, if these are wanted; says what lies there and is not used.
 
     Args:
-        named: a folder, or files
+        named: a folder, or several, or files
         others: what else is named, which is no photograph that was overlooked
+        several: they are said to be of several sets
     """
     besides = [path for path in (*others, masks, _path_of(cameras)) if path]
-    files, notes = find_photographs(named, besides)
+    files, notes = find_photographs(named, besides, several)
     found, lacking = _find_masks(files, masks, silhouettes)
     known = [] if _path_of(cameras) else find_cameras(files)
     _say(describe_count(files), *notes, *lacking, *known)

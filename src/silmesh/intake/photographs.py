@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -51,37 +51,40 @@ def is_picture(path: Path) -> bool:
 
 
 def find_photographs(
-    paths: Sequence[Path], besides: Iterable[Path] = ()
+    paths: Sequence[Path], besides: Iterable[Path] = (), several: bool = False
 ) -> tuple[list[Path], list[str]]:
     """The photographs that a person names, in the natural order of their views.
 
     Args:
-        paths: one folder, or files
+        paths: a folder, or several, each of a round or a set of one object's, or files
         besides: what is used otherwise, and may lie there too
+        several: the photographs are known to be of several sets of one object's, so that a folder
+            of two series of names is not of two objects
     Returns:
         the files, and what a person should know of them and of what is not used
 
     Raises:
-        InputError: videos, no photographs, several folders, or a folder whose photographs seem
-            to be of several objects
+        InputError: videos, no photographs, folders beside files, or a folder whose photographs
+            seem to be of several objects
     """
     if all(map(is_video, paths)):
         raise InputError(f"{paths[0]}: is a video; one alone is cut into photographs: name only it")
     masks = [path for path in paths if path.is_dir() and path.name.lower() in MASK_FOLDERS]
     named = paths if len(paths) == len(masks) else [path for path in paths if path not in masks]
     folders = [path for path in named if path.is_dir()]
-    if len(folders) > 1 or (folders and len(named) > 1):
+    if folders and len(named) > len(folders):
         raise InputError(
-            f"{', '.join(map(str, folders))}: silmesh makes one object, from one folder or from "
-            "files; `silmesh init` writes a table for a folder of folders"
+            f"{', '.join(map(str, folders))}: folders are named beside files; silmesh makes one "
+            "object, from a folder, from several that hold a round or a set each, or from files"
         )
     if folders:
-        files = _in_folder(folders[0])
-        known = set(map(os.path.abspath, besides))
-        others = [path for path in _others_in(folders[0]) if os.path.abspath(path) not in known]
-        return files, [*_tell_unused(others, files), *_tell_shapes(files)]
+        files, notes = _in_folders(folders, several)
+        known = set(map(os.path.abspath, (*besides, *folders)))
+        there = [path for folder in folders for path in _others_in(folder)]
+        others = [path for path in there if os.path.abspath(path) not in known]
+        return files, [*notes, *_tell_unused(others, files), *_tell_shapes(files)]
     files, others, set_apart = _take_named(named)
-    notes = [f"these are taken for one object: {mix}" for mix in filter(None, [_mix(files)])]
+    notes = _tell_mix(_mix(files))
     if set_apart:
         notes.append(f"named as masks, not as photographs: {_list(set_apart)}")
     return files, [*notes, *_tell_unused(others, files), *_tell_shapes(files)]
@@ -170,19 +173,39 @@ def folders_within(folder: Path) -> list[Path]:
     return sorted((path for path in within if images_in(path)), key=natural_key)
 
 
-def _in_folder(folder: Path) -> list[Path]:
-    """The photographs of a folder, which are of one object as far as one can see."""
-    images = images_in(folder)
-    if not images:
-        raise InputError(_say_why_none(folder))
-    files = order_photographs(split_masks(images)[0])
-    _refuse_few(files, f"{folder}: holds")
-    if mix := _mix(files):
+def _in_folders(folders: Sequence[Path], several: bool) -> tuple[list[Path], list[str]]:
+    """The photographs of folders, of one object, and that what differs is taken for one.
+
+    Those of one folder have to be of one object as far as one can see, unless it is known.
+    """
+    found = []
+    for folder in folders:
+        images = images_in(folder)
+        if not images:
+            raise InputError(_say_why_none(folder))
+        found += split_masks(images)[0]
+    files = order_photographs(found)
+    where = ", ".join(map(str, folders))
+    _refuse_few(files, f"{where}: holds")
+    mix = _mix(files)
+    if mix and len(folders) == 1 and not several:
         raise InputError(
-            f"{folder}: holds photographs that differ: {mix}. silmesh makes one object: name its "
-            f"files, as in `silmesh {_pattern(files)} -o mesh.glb`"
+            f"{where}: holds photographs that differ: {mix}. silmesh makes one object: name its "
+            f"files, as in `silmesh {_pattern(files)} -o mesh.glb`; or, if they are sets of one "
+            "object that was turned over, say so by --sets"
         )
-    return files
+    return files, _tell_mix(mix or _count_in(files))
+
+
+def _count_in(files: Sequence[Path]) -> str:
+    """How many photographs lie in each folder, if they lie in several."""
+    counts = Counter(str(file.parent) for file in files)
+    each = [f"{count} in {folder}" for folder, count in counts.items()]
+    return name_some(each) if len(each) > 1 else ""
+
+
+def _tell_mix(mix: str) -> list[str]:
+    return [f"these are taken for one object: {mix}"] if mix else []
 
 
 def _take_named(paths: Sequence[Path]) -> tuple[list[Path], list[Path], list[Path]]:

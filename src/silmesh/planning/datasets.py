@@ -22,7 +22,7 @@ from silmesh.naming import (
 from silmesh.own_code import own_file, refuse_lacking
 from silmesh.settings.section import LONGEST_NAME, LONGEST_PATH, NAME
 from silmesh.settings.silhouettes import check_source
-from silmesh.settings.turntable import Turntable, parse_turntable
+from silmesh.settings.turntable import FEWEST, Turntable, parse_turntable
 from silmesh.synthetic import layout
 from silmesh.views import count_array_views, list_images, list_masks
 
@@ -157,6 +157,8 @@ def _parse_row(table: Path, line: int, row: Mapping[str, str]) -> Dataset:
         images, beside = _find_images(table, row["images"])
         masks, notes = _find_masks(table, row["masks"], images, beside)
         cameras = resolve_cameras(table, row["cameras"])
+        turntable, sets = parse_turntable(row["turntable"]), _find_sets(row["sets"], images)
+        _refuse_rounds(turntable, sets, images)
         return Dataset(
             where=where,
             object=name,
@@ -164,8 +166,8 @@ def _parse_row(table: Path, line: int, row: Mapping[str, str]) -> Dataset:
             masks=masks,
             silhouettes=_resolve_silhouettes(table, row["silhouettes"]),
             cameras=cameras,
-            turntable=parse_turntable(row["turntable"]),
-            sets=_find_sets(row["sets"], images),
+            turntable=turntable,
+            sets=sets,
             truth=_find_truth(table, row["truth"]) if row["truth"] else None,
             variants=tuple(dict.fromkeys(re.findall(r"[^,\s]+", row["variants"]))),
             notes=tuple(f"{where}: {note}" for note in notes),
@@ -278,6 +280,24 @@ def _find_sets(cell: str, images: Sequence[Path]) -> tuple[tuple[str, ...], ...]
     if cell and images[0].suffix == ".npy":
         raise InputError("sets: an array has no names of views, by which they are told apart")
     return find_sets(cell, name_views(images), [image.parent.name for image in images])
+
+
+def _refuse_rounds(
+    turntable: Turntable, sets: tuple[tuple[str, ...], ...], images: Sequence[Path]
+) -> None:
+    """Refuse rounds of which the photographs are too few, or beside sets."""
+    rounds = len(turntable.rounds)
+    if rounds > 1 and sets:
+        raise InputError(
+            f"turntable: names {rounds} rounds about one axis, and sets {len(sets)} sets, between "
+            "which the object was turned over; should be what is known of all sets, as ',,20', "
+            "or sets empty"
+        )
+    if rounds > 1 and images[0].suffix != ".npy" and rounds * FEWEST > len(images):
+        raise InputError(
+            f"turntable: names {rounds} rounds of {len(images)} photographs; each round should "
+            f"have {FEWEST} or more"
+        )
 
 
 def _find_truth(table: Path, cell: str) -> Path:

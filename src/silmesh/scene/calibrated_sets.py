@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from PIL import Image
 
-from silmesh.cameras.attempt import Attempt
+from silmesh.cameras.attempt import CHECK_SERIES, Attempt
 from silmesh.cameras.calibrate import calibrate_views
 from silmesh.cameras.rounds import propose, read_signs
 from silmesh.cameras.sets import FEWEST
@@ -50,7 +50,8 @@ def calibrate_sets(
         if joined.cameras is not None and better:
             said = _say_taken(parts, views, split.because)
             return replace(joined, warnings=(said, *joined.warnings))
-        tried.append(f"taken as {len(parts)} sets, by {split.because}: {joined.refusal}")
+        why = str(joined.refusal).replace(CHECK_SERIES, "")  # which the first refusal ends with
+        tried.append(f"taken as {len(parts)} sets, {split.because}: {why}")
     if whole.cameras is not None:
         return whole
     return replace(whole, refusal="; ".join([str(whole.refusal), *tried]))
@@ -65,7 +66,7 @@ def _say_taken(parts: Sequence[Sequence[int]], views: Sequence[View], why: str) 
     named = ", ".join(_name([views[i] for i in part]) for part in parts)
     return (
         f"cameras {SOURCE!r}: no one turntable explains all {len(views)} views, so they were "
-        f"taken as {len(parts)} sets, told apart by {why}: {named}"
+        f"taken as {len(parts)} sets, told apart {why}: {named}"
     )
 
 
@@ -87,7 +88,7 @@ def _calibrate_each(
     for n, part in enumerate(parts):
         some = [views[i] for i in part]
         if len(some) < FEWEST:
-            why = f"has {len(some)} views; a set that is joined with another takes {FEWEST} or more"
+            why = f"is too short: a set that is joined with another takes {FEWEST} views or more"
             return _refuse(some, why)
         share = within(progress, n / (len(parts) + 1), (n + 1) / (len(parts) + 1))
         attempt = calibrate_views(silhouettes[list(part)], some, progress=share, **known)

@@ -89,12 +89,19 @@ def describe_cut(silhouettes: np.ndarray, views: Sequence[View]) -> list[str]:
     cut = np.flatnonzero(is_cut(silhouettes, [view.frame for view in views]))
     if not len(cut):
         return []
-    others = "leave those out, or " if len(cut) < len(views) else ""
     return [
         f"the frame cuts the object in {len(cut)} of {len(views)} photographs "
-        f"({_name([views[i] for i in cut])}): {others}photograph the whole object, from further "
-        "away"
+        f"({_name([views[i] for i in cut])}): {_advise_on_cut(len(cut), len(views))}photograph the "
+        "whole object, from further away"
     ]
+
+
+def _advise_on_cut(cut: int, views: int) -> str:
+    """What to do beside photographing again; views left out have to leave enough others."""
+    if cut < MANY * views:
+        return "leave those out, or "
+    whole = views - cut
+    return f"what lies beyond only the other {whole} show; add more such, or " if whole else ""
 
 
 def describe_masks(files: Sequence[Path]) -> list[str]:

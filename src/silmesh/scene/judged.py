@@ -6,6 +6,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from PIL import Image
 
 from silmesh.geometry.frame import count_on_frame
 from silmesh.geometry.robust_hull import robust_carve
@@ -18,7 +19,8 @@ from silmesh.scene.policy import DROPPED, REPAIRED, WEIGHTS, Decision, decide
 from silmesh.scene.resegmentation import Solved, solve_jointly
 from silmesh.scene.scene import Scene, find_similarity
 
-HELD = 64  # photographs in memory at a time
+HELD = 2**28  # bytes of working images in memory at a time
+GREY = 128  # stands for the colours of a photograph whose colours mean nothing
 LOWERING = "lowers the hull IoU most"  # reason of a view that is named although it is no outlier
 
 
@@ -86,9 +88,11 @@ def judge_scene(
     lost = {position[view]: why for view, why in known.items() if view in position}
     unreadable = [position[view] for view in notes["unreadable"] if view in position]
 
-    @lru_cache(HELD)
+    height, width = scene.silhouettes.shape[1:]
+
+    @lru_cache(max(1, HELD // (3 * height * width)))
     def look(i: int) -> np.ndarray:
-        return np.asarray(scene.images[views[i]].convert("RGB"))
+        return _read_colours(scene.images[views[i]])
 
     def solve(verdict: Verdict) -> Solved:
         return solve_jointly(
@@ -103,6 +107,16 @@ def judge_scene(
     left = _measure(scene, decision, keep_world, frames)
     left = replace(left, notes=_note(notes, views, decision, colours))
     return Judged(left, views, frames, decision, colours)
+
+
+def _read_colours(image: Image.Image) -> np.ndarray:
+    """The colours of a photograph, [height, width, 3] uint8, all alike where they mean nothing.
+
+    What is transparent has any colour, most often black, which would be taken for the background's.
+    """
+    if image.has_transparency_data:
+        return np.full((image.height, image.width, 3), GREY, np.uint8)
+    return np.asarray(image.convert("RGB"))
 
 
 def _suspect(scene: Scene) -> list[int]:

@@ -59,13 +59,16 @@ class Verdict:
         """Positions of the inliers."""
         return [i for i, reason in enumerate(self.reasons) if not reason]
 
-    def name(self, reasons: Mapping[int, str]) -> dict[int, str]:
-        """Of reasons at positions, those of views that have none."""
-        return {i: reason for i, reason in reasons.items() if not self.reasons[i]}
+    def explain(self, known: Mapping[int, str], also: Mapping[int, str] | None = None) -> "Verdict":
+        """The same verdict with other reasons, by position.
 
-    def explain(self, lost: Mapping[int, str]) -> "Verdict":
-        """The same verdict, with known reasons why the silhouettes at these positions are wrong."""
-        return replace(self, reasons=[lost.get(i, reason) for i, reason in enumerate(self.reasons)])
+        Args:
+            known: reasons that replace those that were found
+            also: reasons of views for which none was found
+        """
+        also = also or {}
+        reasons = [known.get(i) or why or also.get(i, "") for i, why in enumerate(self.reasons)]
+        return replace(self, reasons=reasons)
 
 
 def find_outliers(

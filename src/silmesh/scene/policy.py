@@ -67,7 +67,7 @@ def decide(
     """
     found, suspected = _judge(silhouettes, cameras, frames, suspects)
     solved = solve(found) if policy == "repair" else Solved(silhouettes)
-    verdict = found.explain(found.name(solved.reasons)).explain(lost or {})
+    verdict = found.explain(lost or {}, also=solved.reasons)
     new, fates = solved.silhouettes.copy(), [KEPT] * len(silhouettes)
     for i in verdict.outliers:
         side = policy == "keep" and i in suspected

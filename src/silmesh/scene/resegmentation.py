@@ -15,6 +15,8 @@ What was decided votes about the others in the next round, until nothing moves.
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
+from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 from scipy import ndimage
@@ -24,7 +26,7 @@ from silmesh.geometry.frame import find_shown, whole_frames
 from silmesh.geometry.robust_hull import AROUND, robust_carve
 from silmesh.progress import Share, untold
 from silmesh.scene.colour_model import ColourModel
-from silmesh.scene.coverage import settle_outline
+from silmesh.scene.coverage import settle_outline, undo_shaving
 from silmesh.scene.graph_cut import cut
 from silmesh.scene.outliers import Verdict, find_outliers
 from silmesh.scene.votes import find_allowed
@@ -78,6 +80,14 @@ class Solved:
     silhouettes: np.ndarray
     reasons: Mapping[int, str] = field(default_factory=dict)
     left: Collection[int] = ()
+
+
+class _Shown(NamedTuple):
+    """What the views show and whence: ``look``, ``cameras`` and ``frames`` of ``solve_jointly``."""
+
+    look: Callable[[int], np.ndarray]
+    cameras: Cameras
+    frames: np.ndarray
 
 
 def find_contest(
@@ -159,7 +169,7 @@ def solve_jointly(
         if not views or len(_find_voting(new, contest)) < FEWEST:
             return Solved(new, contested.reasons, contested.views)
         before = new
-        new = _segment_all(look, new, cameras, frames, contest, contested, views)
+        new = _segment_all(_Shown(look, cameras, frames), new, contest, contested, views)
         progress((done + 1) / ROUNDS)
         moved = (new != before).sum(axis=(1, 2)) / np.maximum(new.sum(axis=(1, 2)), 1)
         verdict = find_outliers(new, cameras, frames)
@@ -178,31 +188,57 @@ def _remember(contested: Contest, now: Contest) -> None:
 
 
 def _segment_all(
-    look: Callable[[int], np.ndarray],
-    silhouettes: np.ndarray,
-    cameras: Cameras,
-    frames: np.ndarray,
-    contest: Contest,
-    contested: Contest,
-    views: list[int],
+    shown: _Shown, silhouettes: np.ndarray, contest: Contest, contested: Contest, views: list[int]
 ) -> np.ndarray:
     """The silhouettes with these views segmented again, by those that are believed now."""
     voting = _find_voting(silhouettes, contest)
     calm = [i for i in voting if i not in contested.views] or voting
     sampled = [calm[k] for k in np.unique(np.linspace(0, len(calm) - 1, CALM).round().astype(int))]
-    believed = silhouettes | contest.filled
-    depths = _measure_depths(believed, cameras, frames, [*views, *sampled], voting)
-    hull_odds = _learn_hull(depths[len(views) :], silhouettes[sampled], frames[sampled])
+    believed, of = silhouettes | contest.filled, [*sampled, *views]
+    # Kept as bool until they are needed: as distances all views would take eight times the memory.
+    allowed = iter(find_allowed(believed, shown.cameras, of, voting, shown.frames))
+    depths = [_measure_depth(one) for one in islice(allowed, len(sampled))]
+    hull_odds = _learn_hull(np.stack(depths), silhouettes[sampled], shown.frames[sampled])
     new = silhouettes.copy()
-    for i, depth in zip(views, depths, strict=False):
-        inside, pixels = _inside(frames[i], depth.shape), look(i)
-        free = inside & (depth > -OUTER if i in contested.whole else contested.parts[i])
-        around = [look(j)[_core(silhouettes[j])] for j in _nearest(cameras, i, calm)]
-        odds = hull_odds(depth)
-        odds[free] += _compare_colours(pixels[free], around, pixels[inside & (depth <= -OUTER)])
-        fixed = silhouettes[i] & (i not in contested.whole)
-        new[i] = settle_outline(cut(odds, pixels, free, fixed), pixels, free)
+    for i, one in zip(views, allowed, strict=True):
+        near = [shown.look(j)[_core(silhouettes[j])] for j in _nearest(shown.cameras, i, calm)]
+        part = None if i in contested.whole else contested.parts[i]
+        new[i] = _segment(
+            shown.look(i),
+            silhouettes[i],
+            part,
+            shown.frames[i],
+            _measure_depth(one),
+            hull_odds,
+            near,
+        )
     return new
+
+
+def _segment(
+    pixels: np.ndarray,
+    silhouette: np.ndarray,
+    part: np.ndarray | None,
+    frame: np.ndarray,
+    depth: np.ndarray,
+    hull_odds: Callable[[np.ndarray], np.ndarray],
+    near: list[np.ndarray],
+) -> np.ndarray:
+    """The silhouette [height, width] with a part, or all around the hull, decided anew.
+
+    Args:
+        part: [height, width] bool; None for all that is not beyond the hull
+        depth: [height, width] of the pixels in the others' hull
+        hull_odds: of pixels by their depth
+        near: colours of the object in views nearby, each [n, 3]
+    """
+    inside = _inside(frame, depth.shape)
+    free = inside & (depth > -OUTER if part is None else part)
+    odds = hull_odds(depth)
+    odds[free] += _compare_colours(pixels[free], near, pixels[inside & (depth <= -OUTER)])
+    fixed = silhouette & (part is not None)
+    new = settle_outline(cut(odds, pixels, free, fixed), pixels, free)
+    return new if part is None else undo_shaving(silhouette, new, pixels)
 
 
 def _find_voting(silhouettes: np.ndarray, contest: Contest) -> list[int]:
@@ -226,21 +262,16 @@ def _compare_colours(
     return np.clip(odds, -SURE, SURE)
 
 
-def _measure_depths(
-    silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray, of: list[int], by: list[int]
-) -> np.ndarray:
-    """How deep each pixel lies in the others' hull, in 256ths of the image; negative outside."""
-    allowed = find_allowed(silhouettes, cameras, of, by, frames)
-    unit = max(1.0, max(silhouettes.shape[1:]) / 256)
-    return np.stack([_sign_distance(one) for one in allowed]) / unit
+def _measure_depth(region: np.ndarray) -> np.ndarray:
+    """How deep pixels lie in a region, in 256ths of the image; negative outside: [height, width].
 
-
-def _sign_distance(region: np.ndarray) -> np.ndarray:
-    """The distance of pixels from a region's outline, negative outside; far outside of nothing."""
+    Far outside, all of them, if there is no region.
+    """
     if not region.any():
         return np.full(region.shape, -float(max(region.shape)))
+    unit = max(1.0, max(region.shape) / 256)
     outside = ndimage.distance_transform_edt(~region)
-    return ndimage.distance_transform_edt(region) - outside
+    return (ndimage.distance_transform_edt(region) - outside) / unit
 
 
 def _learn_hull(

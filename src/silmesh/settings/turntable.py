@@ -6,7 +6,7 @@ fourth number: ``,5,20,18;,40,20,18``.
 
 from dataclasses import dataclass, replace
 
-from silmesh.errors import InputError
+from silmesh.errors import InputError, shorten
 
 FARTHEST = 100  # distance of a turntable's camera at which the object is 2 % of the picture
 FEWEST = 5  # photographs of a round, if there are several
@@ -62,11 +62,13 @@ def parse_turntable(cell: str) -> Turntable:
     if not cell:
         return Turntable(None, None, None)
     parts = cell.split(";")
-    first, *later = (_parse_round(cell, part, several=len(parts) > 1) for part in parts)
+    shown = shorten(cell)
+    first, *later = (_parse_round(shown, part, several=len(parts) > 1) for part in parts)
     return replace(first, later=tuple(later))
 
 
 def _parse_round(cell: str, part: str, several: bool) -> Turntable:
+    """One round; ``cell`` is all that was given, as a message shows it."""
     numbers = part.split(",")
     photographs = numbers.pop() if several and len(numbers) == 4 else ""
     try:
@@ -76,13 +78,13 @@ def _parse_round(cell: str, part: str, several: bool) -> Turntable:
         count = int(photographs) if photographs.strip() else None
     except ValueError as error:
         raise InputError(
-            f"turntable: should be distance,elevation,step, for example 2.732,0,5, not {cell!r}; "
+            f"turntable: should be distance,elevation,step, for example 2.732,0,5, not {cell}; "
             "what cameras 'calibrate' should find is left out, as in ',,5'; several rounds are "
             f"separated by ';', as in {EXAMPLE}"
         ) from error
     if count is not None and count < FEWEST:
         raise InputError(
-            f"turntable: {cell!r}: a round of {count} photographs is too short; each of several "
+            f"turntable: {cell}: a round of {count} photographs is too short; each of several "
             f"should have {FEWEST} or more, and a dozen to be trusted"
         )
     _check_numbers(cell, distance, elevation, step)
@@ -94,7 +96,7 @@ def _check_numbers(
 ) -> None:
     if distance is not None and distance > FARTHEST:
         raise InputError(
-            f"turntable: {cell!r}: a distance of {distance:g} is too far; its unit is the object's "
+            f"turntable: {cell}: a distance of {distance:g} is too far; its unit is the object's "
             "size, whatever it is in metres. The report's is 2.732"
         )
     if not (
@@ -103,6 +105,6 @@ def _check_numbers(
         and (step is None or 0 < abs(step) <= 360)
     ):
         raise InputError(
-            f"turntable: {cell!r}: should have a positive distance, an elevation of -90 to 90 "
+            f"turntable: {cell}: should have a positive distance, an elevation of -90 to 90 "
             "degrees, and a step of at most 360 degrees that is not 0"
         )
