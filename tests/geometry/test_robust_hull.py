@@ -69,6 +69,18 @@ def test_bites_are_filled_and_named(egg):
     assert (np.delete(found.reliability, wrong) > 0.97).all()
 
 
+@pytest.mark.parametrize("wrong", [[1, 3, 4, 5, 16], [0, 11, 13, 16, 18], [11, 14, 19, 21, 22]])
+def test_of_two_bites_of_which_either_explains_a_loss_both_are_found(egg, wrong):
+    """Judged all at once neither is blamed while both are filled, and sound views are accused."""
+    cameras, seen = egg
+    damaged = seen.copy()
+    damaged[wrong] = [bite(seen[i], 0.08) for i in wrong]
+    found = robust_carve(damaged, cameras, resolution=64)
+    assert found.corrected == wrong
+    assert not (found.disbelieved & damaged).any()
+    assert volume(found.hull) == pytest.approx(volume(carve(seen, cameras, 64)), rel=0.01)
+
+
 def test_silhouettes_that_are_wholly_wrong_lose_their_weight(egg):
     cameras, seen = egg
     damaged = seen.copy()

@@ -265,3 +265,23 @@ def test_views_that_lose_their_weight_are_named():
     assert sound.notes["warnings"] == []
     assert sound.notes["starts"]["hull"]["iou"] == pytest.approx(sound.notes["iou_mean"])
     assert first.notes["starts"]["hull"]["iou"] > 0.95 > first.notes["iou_mean"]
+
+
+def test_a_hull_whose_mesh_loses_what_is_thin_gets_more_vertices():
+    """A disc of a pixel and a half: edges of five pixels tear it, shorter ones less."""
+    cameras = dome(16, SIZE)
+    seen = silhouettes(cameras, [0.4, 0.008, 0.4])
+    coarse = make_initial_mesh(Init(shape="hull", vertices=642), seen, cameras).notes
+    first = make_initial_mesh(Init(shape="hull"), seen, cameras)
+    assert coarse["iou_mean"] < 0.85
+    assert first.notes["iou_mean"] > coarse["iou_mean"] + 0.05
+    assert len(first.mesh.vertices) == first.notes["vertices"] > 642
+    assert "vertices instead of 642: its IoU" in first.notes["warnings"][0]
+    assert first.notes["starts"]["hull"]["iou"] == pytest.approx(first.notes["iou_mean"])
+
+
+def test_a_hull_whose_mesh_fits_stays_as_it_is(scene):
+    few = make_initial_mesh(Init(shape="hull", vertices=642), *scene).mesh
+    same = make_initial_mesh(Init(shape="hull"), *scene)
+    np.testing.assert_array_equal(same.mesh.vertices, few.vertices)
+    assert same.notes["warnings"] == []

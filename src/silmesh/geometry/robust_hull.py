@@ -9,7 +9,8 @@ view is judged by the hull of the others, in two steps on a grid of points and i
    the held-out silhouettes best. Views that are predicted far worse than the rest lose their say,
    in rounds, since their own wrong claims have spoilt the predictions for the others.
 2. What a view denies and the others allow is either carved rightly or a bite. It is a bite if the
-   others' silhouettes lose more pixels by it than it is large.
+   others' silhouettes lose more pixels by it than it is large. Bites are judged all at once, then,
+   where pixels are still lost, smaller ones one at a time.
 
 The hull is then carved exactly, as ever, from the views that kept their say, with their bites
 filled. Where the strict hull explains the silhouettes nothing of this is done, and nothing comes of
@@ -49,6 +50,10 @@ SPREAD = 5  # and by how many median deviations
 # than some silhouettes, and no silhouette is corrected by them.
 MOST_DOUBTED = 0.8
 BITE = 4  # pixels of a small image: smaller bites are not told from the grid
+# What a bite costs others is seen smaller than it is, as pixels at outlines and points of the grid
+# beside them count as neither: a small one, looked for last, may be so many times larger.
+UNSEEN = 4
+MOST_ADDED = 2  # small bites for each view
 LOST = 0.25  # of what a view and the others show: if they disagree on more, it has no weight
 AROUND = np.ones((3, 3), bool)
 
@@ -312,16 +317,35 @@ def _find_bites(
     """What views deny wrongly, [views, pixels] bool, and which views keep their say in the end.
 
     Bites are sought in all views, in hulls that bear fewer and fewer denials: those that overlap
-    are found first in hulls that bear both.
+    are found first in hulls that bear both. What is still lost in the end is laid to smaller ones.
     """
     bites = np.zeros_like(looks.shown)
     most = max(2 * tolerated, int(trusted.sum()) // 4, 2)
     looks = looks._replace(pixel=looks.pixel[_count(looks.pixel, looks.denied, trusted) <= most])
     for bearing in (*sorted({tolerated, tolerated // 2, 1} - {0}, reverse=True), 0, 0):
         denied, against = _count_believed(looks, bites, trusted)
-        bites = _blame(looks, denied, against, trusted, bearing)
+        bites = _rate(looks, denied, against, trusted, bearing) > 0
         trusted = looks.shown.any(axis=1) & (_measure(looks, bites, trusted, bearing) >= 1 - LOST)
-    return bites, trusted
+    bites = _add_bites(looks, bites, trusted)
+    return bites, looks.shown.any(axis=1) & (_measure(looks, bites, trusted) >= 1 - LOST)
+
+
+def _add_bites(looks: _Looks, bites: np.ndarray, trusted: np.ndarray) -> np.ndarray:
+    """These bites, and small ones beside them: the dearest first, and none is taken back.
+
+    Where filling either of two gives a third view back what it lost, both are dear while neither
+    is filled, and neither is while both are: judged all at once they come and go.
+    """
+    bites = bites.copy()
+    for _ in range(MOST_ADDED * len(bites)):
+        denied, against = _count_believed(looks, bites, trusted)
+        costs = _rate(looks, denied, against, trusted, unseen=UNSEEN)
+        costs[bites] = 0
+        view = int(costs.max(axis=1).argmax())
+        if not costs[view].any():
+            break
+        bites[view] |= costs[view] == costs[view].max()
+    return bites
 
 
 def _count_believed(
@@ -339,10 +363,15 @@ def _share(work: Callable[[int], Any], views: int) -> list[Any]:
         return list(pool.map(work, range(views)))
 
 
-def _blame(
-    looks: _Looks, denied: np.ndarray, against: np.ndarray, trusted: np.ndarray, bearing: int
+def _rate(
+    looks: _Looks,
+    denied: np.ndarray,
+    against: np.ndarray,
+    trusted: np.ndarray,
+    bearing: int = 0,
+    unseen: int = 1,
 ) -> np.ndarray:
-    """The parts of what each view denies that cost the others more than they are worth.
+    """What the parts of what each view denies cost the others; 0 where they are worth it.
 
     They are worth their pixels; they cost what the others' silhouettes lose, as many times as
     there are views that lose by them: one view is rather wrong than several, that agree, are.
@@ -351,8 +380,9 @@ def _blame(
         denied: [views, pixels + 1] bool, what is believed
         against: [points], how many trusted views deny each, of what is believed
         bearing: how many denials the hull bears
+        unseen: how many times more than is seen they may cost
     Returns:
-        [views, pixels] bool
+        [views, pixels] int
     """
     covering = _covering(looks.pixel, against <= bearing, looks.shown.shape)
 
@@ -365,8 +395,11 @@ def _blame(
         area = np.bincount(parts, minlength=count + 1)
         gain = _sum_losses(*args, parts, count)
         losers = np.maximum((gain >= BITE).sum(axis=1), 1)
-        wrong = (area >= BITE) & (gain.sum(axis=1) * losers > area)
-        return wrong[parts] & (parts > 0)
+        lost = gain.sum(axis=1)
+        cost = lost * losers
+        dear = (np.minimum(area, lost) >= BITE) & (unseen * cost > area)
+        dear[0] = False
+        return np.where(dear, cost, 0)[parts]
 
     return np.stack(_share(find, len(trusted)))
 

@@ -56,6 +56,7 @@ class Carved:
         pieces: number of connected pieces, of which the largest is kept
         lost: share of the volume in the other pieces
         robust: how far each view was believed; None of a prism
+        hull: what it is drawn from; None of a prism
     """
 
     mesh: trimesh.Trimesh
@@ -63,6 +64,7 @@ class Carved:
     pieces: int
     lost: float
     robust: RobustHull | None = None
+    hull: Hull | None = None
 
 
 def hull_mesh(
@@ -98,7 +100,7 @@ def hull_mesh(
             "the visual hull is empty: the cameras and the silhouettes contradict each other, most "
             f"of all in {', '.join(views)}"
         )
-    return replace(draw(hull, vertices, genus), tolerated=tolerated, robust=found)
+    return replace(draw(hull, vertices, genus), tolerated=tolerated, robust=found, hull=hull)
 
 
 def prism_mesh(

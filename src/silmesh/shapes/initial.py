@@ -1,7 +1,7 @@
 """The initial mesh that a configuration names, and what a person should know of it."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -12,11 +12,13 @@ from silmesh.geometry.camera import INITIAL_SCALE, OBJECT_RADIUS, Cameras
 from silmesh.geometry.frame import find_whole, is_cut, known_pixels
 from silmesh.geometry.overlap import mean_iou
 from silmesh.geometry.robust_hull import RobustHull
+from silmesh.geometry.thresholds import COHERENT
+from silmesh.geometry.visual_hull import Hull
 from silmesh.own_code import call, own_file
 from silmesh.progress import Share, untold
 from silmesh.settings.init import Init
-from silmesh.shapes.alignment import align_to_box, choose_count, choose_report_count, to_unit
-from silmesh.shapes.carved import CARVED, Carved, EmptyHull
+from silmesh.shapes.alignment import MOST, align_to_box, choose_count, choose_report_count, to_unit
+from silmesh.shapes.carved import CARVED, Carved, EmptyHull, draw
 from silmesh.shapes.choose import VERTICES, Score, Trial, score_meshes, share
 from silmesh.shapes.downsample import crop
 from silmesh.shapes.primitives import PRIMITIVES, placed_primitive, plain_primitive
@@ -30,6 +32,9 @@ BETTER = 0.01  # IoU by which that must fit better than a hull to take its place
 LOST = 0.001  # share of a carved body's volume in smaller pieces from which to warn
 NOTHING = 1e-9  # volume over the cube of its size of what is no body
 FAR = 20  # radii of the object: what a person gives as its mesh should not reach farther
+# A hull's mesh may fit worse than the hull itself by COARSE of IoU; if it fits poorly and that is
+# passed, `vertices: auto` doubles its vertices, up to DOUBLED times.
+COARSE, DOUBLED = 0.05, 3
 NAMED = 5  # most views that a warning names
 
 
@@ -43,12 +48,13 @@ class Initial:
 
 @dataclass(frozen=True)
 class _Made:
-    """A mesh at unit size, what is said of a carved one, and how far a hull believed each view."""
+    """A mesh at unit size, what is said of a carved one, and the hull it was drawn from."""
 
     shape: str
     mesh: trimesh.Trimesh
     notes: Mapping[str, Any] = field(default_factory=dict)
     robust: RobustHull | None = None
+    hull: Hull | None = None
 
 
 def make_initial_mesh(
@@ -130,19 +136,59 @@ def _compare_starts(
     """
     lost = made.notes["lost"]
     own = measure_start(made.mesh, lost, silhouettes, cameras, made.robust, frames)
-    starts = {made.shape: own}
+    starts, finer = {made.shape: own}, []
+    if made.shape == "hull" and init.vertices == "auto" and own.iou < COHERENT:
+        made, own, finer = _draw_finer(made, own, init.genus, silhouettes, cameras, frames)
+        starts = {made.shape: own}
     if not (own.splinter if made.robust is None else own.poor):
-        return made, starts, []
+        return made, starts, finer
     other = _make(init.model_copy(update={"shape": FALLBACK}), silhouettes, cameras, frames)
     plain = measure_start(other.mesh, 0, silhouettes, cameras, made.robust, frames)
     starts[FALLBACK] = plain
     if plain.iou <= own.iou + BETTER:
-        return made, starts, []
+        return made, starts, finer
     changed = (
         f"the initial mesh is the {FALLBACK}: its IoU with the silhouettes is {plain.iou:.2f}, and "
         f"{own.iou:.2f} that of the {made.shape}'s largest piece, {own.kept:.0%} of its volume"
     )
-    return other, starts, [changed]
+    return other, starts, [*finer, changed]
+
+
+def _draw_finer(
+    made: _Made,
+    start: Start,
+    genus: str,
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+    frames: np.ndarray | None,
+) -> tuple[_Made, Start, list[str]]:
+    """The hull with more vertices where its mesh loses what is thin; how it does, what was changed.
+
+    No more are tried once the mesh fits nearly as well as the hull itself.
+    """
+
+    def measure(mesh: trimesh.Trimesh) -> Start:
+        lost = made.notes["lost"]
+        return measure_start(mesh, lost, silhouettes, cameras, made.robust, frames)
+
+    surface = trimesh.Trimesh(*made.hull.surface(), process=False)
+    whole = measure(surface.apply_scale(INITIAL_SCALE)).iou
+    count = few = len(made.mesh.vertices)
+    before = start.iou
+    for _ in range(DOUBLED):
+        count *= 2
+        if start.iou >= whole - COARSE or count > MOST:
+            break
+        mesh = draw(made.hull, count, genus).mesh.apply_scale(INITIAL_SCALE)
+        if (tried := measure(mesh)).iou > start.iou:
+            made, start = replace(made, mesh=mesh), tried
+    if start.iou == before:
+        return made, start, []
+    changed = (
+        f"the initial mesh has {len(made.mesh.vertices)} vertices instead of {few}: its IoU with "
+        f"the silhouettes is {start.iou:.2f} instead of {before:.2f}, {whole:.2f} that of the hull"
+    )
+    return made, start, [changed]
 
 
 def _make(
@@ -158,10 +204,10 @@ def _make(
     whole = find_whole(silhouettes, frames)
     nearer = _compare_scale(cameras, whole)
     vertices = choose_count(silhouettes[whole], nearer) if counted else init.vertices
-    notes, robust = {}, None
+    notes, robust, hull = {}, None, None
     if init.shape in CARVED:
         carved = CARVED[init.shape](silhouettes, cameras, vertices, init.genus, frames)
-        mesh, robust = carved.mesh, carved.robust
+        mesh, robust, hull = carved.mesh, carved.robust, carved.hull
         notes = _describe(carved, cameras)
     elif own_file(init.shape):
         given = None if counted else init.vertices
@@ -175,7 +221,7 @@ def _make(
     if init.align == "none":
         return _Made(init.shape, to_unit(mesh), notes, robust)
     mesh.apply_scale(INITIAL_SCALE)
-    return _Made(init.shape, mesh, notes, robust)
+    return _Made(init.shape, mesh, notes, robust, hull)
 
 
 def _describe(carved: Carved, cameras: Cameras) -> dict[str, Any]:
