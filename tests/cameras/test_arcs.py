@@ -45,7 +45,8 @@ def asked(whole, lower, upper):
     seen, calls = np.zeros((10, 64, 64), bool), []
     seen[:, 10:30, 20:40] = True
 
-    def fake(silhouettes, views, frames=None):
+    def fake(silhouettes, views, frames=None, guess=True):
+        assert guess == (not calls)  # two guesses at once are too many
         calls.append(frames)
         found = {1: whole, 2: lower, 3: upper}[len(calls)]
         if found is None:
@@ -74,10 +75,17 @@ def test_the_arc_without_which_the_rest_agrees_is_left_out():
 
 
 def test_views_that_disagree_are_no_reason_if_they_still_do_without_an_arc():
-    whole = result(0.1, 4)
-    run, calls = asked(whole, result(0.05, 5), result(0.05, 5))
+    whole = result(0.4, 4)
+    run, calls = asked(whole, result(0.2, 5), result(0.2, 5))
     assert run() is whole
     assert len(calls) == 3
+
+
+def test_nothing_is_asked_of_views_that_cannot_agree_better():
+    whole = result(0.1, 4)
+    run, calls = asked(whole, None, None)
+    assert run() is whole
+    assert calls == [None]
 
 
 def test_outlines_that_agree_better_without_either_arc_are_believed_whole():

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 ARCS = {"lower": 0.2, "upper": 0.2}  # shares of each silhouette's height that are left out
 DISAGREEING = 0.2  # of the views: if more disagree, or outlines miss by much, arcs are left out
 FAR_BETTER = 0.6  # of the residual with the wrong arcs: the most without them
+FINEST = 0.1  # pixels: outlines of pixels leave a larger residual however well they agree
 CUT = "the frame cuts the object in"  # how a warning begins that the left-out arcs bring about
 
 
@@ -35,7 +36,8 @@ def find_without_arcs(
     """The turntable by all of the outlines or, where these contradict each other, by most of each.
 
     Args:
-        calibrate: finds it; takes the other arguments
+        calibrate: finds it; takes the other arguments, and ``guess``, which is false where arcs are
+            left out: two guesses at once are too many
         silhouettes: [views, size, size] bool
         frames: [views, 4] left, top, right and bottom of the photographs within the images
 
@@ -47,13 +49,13 @@ def find_without_arcs(
         whole = calibrate(silhouettes, views, frames=frames, **known)
     except InputError as error:
         failure = error
-    if whole is not None and not _is_doubtful(whole, silhouettes):
+    if whole is not None and not (_is_doubtful(whole, silhouettes) and _can_be_better(whole)):
         return whole
     parts = {}
     for arc in ARCS:
         with suppress(InputError):
             left = leave_out(arc, silhouettes, frames)
-            parts[arc] = calibrate(silhouettes, views, frames=left, **known)
+            parts[arc] = calibrate(silhouettes, views, frames=left, guess=False, **known)
     for arc, part in parts.items():
         others = [other for name, other in parts.items() if name != arc]
         if not _is_doubtful(part, silhouettes) and _is_better(part, whole, others):
@@ -81,6 +83,11 @@ def leave_out(arc: str, silhouettes: np.ndarray, frames: np.ndarray | None) -> n
 def _is_doubtful(found: "Calibration", silhouettes: np.ndarray) -> bool:
     limit = SUSPECT * silhouettes.shape[1] / 256
     return found.rms > limit or len(found.disagreeing) > DISAGREEING * len(silhouettes)
+
+
+def _can_be_better(whole: "Calibration") -> bool:
+    """Whether the views that agree do not already agree as well as outlines of pixels can."""
+    return FAR_BETTER * whole.rms > FINEST
 
 
 def _is_better(

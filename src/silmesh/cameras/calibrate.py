@@ -175,6 +175,7 @@ def calibrate(
     scales: np.ndarray | None = None,
     rounds: Sequence[Known] = (),
     signs: Callable[[], Signs | None] = lambda: None,
+    guess: bool = True,
     progress: Share = untold,
 ) -> Calibration:
     """Find the cameras of a turntable.
@@ -200,6 +201,7 @@ def calibrate(
         rounds: what is known of each round, if there are several: in place of ``step``,
             ``elevation`` and ``distance``
         signs: gives what the photographs say of rounds beside their silhouettes
+        guess: whether rounds and crops that nothing tells clearly are tried as well
         progress: is told which share is done
 
     Raises:
@@ -219,7 +221,7 @@ def calibrate(
         found = fit_split(turn, split, rounds, silhouettes, above_table, fewest, True, progress)
     else:
         crops = Crops(silhouettes, frames, scales)
-        found = fit_any(turn, given, silhouettes, signs, crops, fewest, progress)
+        found = fit_any(turn, given, silhouettes, signs, crops, fewest, guess, progress)
     progress(1)
     if found.is_of_all:
         _refuse_incoherent(found, repeated, signs)
