@@ -1,5 +1,7 @@
 """Outlines whose lower arcs are all wrong: the elevation and the axis that they were made with."""
 
+from dataclasses import replace
+
 import damage
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ import torch
 from scenes import names, silhouettes
 
 from silmesh.cameras.arcs import ARCS, CUT, find_without_arcs, leave_out
-from silmesh.cameras.calibrate import Calibration, calibrate
+from silmesh.cameras.calibrate import Calibration, Estimate, calibrate
 from silmesh.cameras.turntable import orbit_cameras
 from silmesh.errors import InputError
 
@@ -79,6 +81,13 @@ def test_views_that_disagree_are_no_reason_if_they_still_do_without_an_arc():
     run, calls = asked(whole, result(0.2, 5), result(0.2, 5))
     assert run() is whole
     assert len(calls) == 3
+
+
+def test_cameras_that_nothing_shows_are_not_believed():
+    whole, empty = result(0.6), replace(result(0.0), estimates={"roll": Estimate(4.6, 3, "open")})
+    assert asked(whole, empty, result(0.5))[0]() is whole
+    assert asked(whole, replace(empty, rms=0.1), result(0.5))[0]() is whole
+    assert asked(whole, replace(empty, rms=0.1, estimates={}), result(0.5))[0]().rms == 0.1
 
 
 def test_nothing_is_asked_of_views_that_cannot_agree_better():

@@ -58,7 +58,11 @@ def find_without_arcs(
             parts[arc] = calibrate(silhouettes, views, frames=left, guess=False, **known)
     for arc, part in parts.items():
         others = [other for name, other in parts.items() if name != arc]
-        if not _is_doubtful(part, silhouettes) and _is_better(part, whole, others):
+        if (
+            _is_shown(part)
+            and not _is_doubtful(part, silhouettes)
+            and _is_better(part, whole, others)
+        ):
             return _tell(part, whole, arc)
     if whole is None:
         raise failure
@@ -88,6 +92,15 @@ def _is_doubtful(found: "Calibration", silhouettes: np.ndarray) -> bool:
 def _can_be_better(whole: "Calibration") -> bool:
     """Whether the views that agree do not already agree as well as outlines of pixels can."""
     return FAR_BETTER * whole.rms > FINEST
+
+
+def _is_shown(part: "Calibration") -> bool:
+    """Whether what is left shows the turntable, as its roll if anything.
+
+    Rays that leave the frames miss nothing, so cameras by which all leave them explain anything.
+    """
+    roll = part.estimates.get("roll")
+    return part.rms > 0 and (roll is None or roll.status != "open")
 
 
 def _is_better(
