@@ -201,7 +201,8 @@ def calibrate(
         rounds: what is known of each round, if there are several: in place of ``step``,
             ``elevation`` and ``distance``
         signs: gives what the photographs say of rounds beside their silhouettes
-        guess: whether rounds and crops that nothing tells clearly are tried as well
+        guess: whether rounds and crops that nothing tells clearly are tried as well, and views
+            that agree are looked for where most contradict the others by far
         progress: is told which share is done
 
     Raises:

@@ -106,7 +106,7 @@ def fit_any(
     one round does not explain most views.
     """
     rounds = _Rounds(turn, given, silhouettes, signs, crops, fewest)
-    one = Found(*fit_most(turn, given, fewest, progress, rounds.try_clear), given)
+    one = Found(*fit_most(turn, given, fewest, progress, rounds.try_clear, guess), given)
     if guess and one.explained < CLEARLY * len(turn.index):
         rounds.try_others(one)
     best = max(rounds.tried, key=lambda found: found.explained, default=one)
