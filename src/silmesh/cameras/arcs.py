@@ -8,6 +8,7 @@ object there, and is taken if what is left agrees far better.
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -31,42 +32,51 @@ def find_without_arcs(
     silhouettes: np.ndarray,
     views: Sequence[str],
     frames: np.ndarray | None = None,
+    guess: bool = True,
     **known: Any,
 ) -> "Calibration":
     """The turntable by all of the outlines or, where these contradict each other, by most of each.
 
     Args:
-        calibrate: finds it; takes the other arguments, and ``guess``, which is false where arcs are
-            left out: two guesses at once are too many
+        calibrate: finds it; takes the other arguments
         silhouettes: [views, size, size] bool
         frames: [views, 4] left, top, right and bottom of the photographs within the images
+        guess: whether arcs are left out, and then nothing else is guessed: two guesses at once are
+            too many
 
     Raises:
         InputError: neither whole outlines nor those without an arc give a turntable
     """
-    whole, failure = None, None
     try:
-        whole = calibrate(silhouettes, views, frames=frames, **known)
+        whole, failure = calibrate(silhouettes, views, frames=frames, guess=guess, **known), None
     except InputError as error:
-        failure = error
-    if whole is not None and not (_is_doubtful(whole, silhouettes) and _can_be_better(whole)):
-        return whole
-    parts = {}
-    for arc in ARCS:
-        with suppress(InputError):
-            left = leave_out(arc, silhouettes, frames)
-            parts[arc] = calibrate(silhouettes, views, frames=left, guess=False, **known)
-    for arc, part in parts.items():
-        others = [other for name, other in parts.items() if name != arc]
-        if (
-            _is_shown(part)
-            and not _is_doubtful(part, silhouettes)
-            and _is_better(part, whole, others)
-        ):
-            return _tell(part, whole, arc)
+        whole, failure = None, error
+    if guess and not _is_final(whole, silhouettes):
+        again = partial(calibrate, silhouettes, views, guess=False, **known)
+        if found := _find_better(again, whole, silhouettes, frames):
+            return found
     if whole is None:
         raise failure
     return whole
+
+
+def _find_better(
+    calibrate: Callable[..., "Calibration"],
+    whole: "Calibration | None",
+    silhouettes: np.ndarray,
+    frames: np.ndarray | None,
+) -> "Calibration | None":
+    """The turntable without an arc by which the outlines agree far better, if there is one."""
+    parts = {}
+    for arc in ARCS:
+        with suppress(InputError):
+            parts[arc] = calibrate(frames=leave_out(arc, silhouettes, frames))
+    for arc, part in parts.items():
+        others = [other for name, other in parts.items() if name != arc]
+        believed = _is_shown(part) and not _is_doubtful(part, silhouettes)
+        if believed and _is_better(part, whole, others):
+            return _tell(part, whole, arc)
+    return None
 
 
 def leave_out(arc: str, silhouettes: np.ndarray, frames: np.ndarray | None) -> np.ndarray:
@@ -89,9 +99,11 @@ def _is_doubtful(found: "Calibration", silhouettes: np.ndarray) -> bool:
     return found.rms > limit or len(found.disagreeing) > DISAGREEING * len(silhouettes)
 
 
-def _can_be_better(whole: "Calibration") -> bool:
-    """Whether the views that agree do not already agree as well as outlines of pixels can."""
-    return FAR_BETTER * whole.rms > FINEST
+def _is_final(whole: "Calibration | None", silhouettes: np.ndarray) -> bool:
+    """Whether no doubt is left, or the views that agree do so as well as outlines of pixels can."""
+    if whole is None:
+        return False
+    return not _is_doubtful(whole, silhouettes) or FAR_BETTER * whole.rms <= FINEST
 
 
 def _is_shown(part: "Calibration") -> bool:
