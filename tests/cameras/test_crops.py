@@ -130,6 +130,30 @@ def test_a_turntable_of_crops_is_found(bear):
     assert np.abs(found / true - 1).max() < 0.02
 
 
+@pytest.mark.slow
+def test_crops_are_found_beside_wrong_silhouettes(bear):
+    cameras = stand(24)
+    right = render(crop_to_box(cameras, bear[0])[0], bear)
+    wrong = right.copy()
+    for view in (6, 17, 21):
+        wrong[view, 20:45, 25:60] = False
+    attempt = attempt_calibration(wrong, cameras.views, step=15.0)
+    assert set(attempt.figures["disagreeing"]) == {"v06", "v17", "v21"}
+    assert len(attempt.figures["crops"]) == 24
+    kept = np.setdiff1d(np.arange(24), (6, 17, 21))
+    assert normalise(attempt.cameras.select(kept), right[kept]).overall > 0.97
+
+
+@pytest.mark.slow
+def test_crops_are_found_where_the_step_is_not_known(bear):
+    cameras = stand(24)
+    silhouettes = render(crop_to_box(cameras, bear[0])[0], bear)
+    attempt = attempt_calibration(silhouettes, cameras.views)
+    assert abs(abs(attempt.figures["estimates"]["step"]["value"]) - 15) < 0.2
+    assert len(attempt.figures["crops"]) == 24
+    assert normalise(attempt.cameras, silhouettes).overall > 0.98
+
+
 def test_a_turntable_that_was_not_cropped_has_no_crops(bear):
     cameras = stand(16)
     t = cameras.t + torch.tensor([0.05, -0.03, 0], dtype=torch.float64)

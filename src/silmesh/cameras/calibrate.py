@@ -549,7 +549,7 @@ def _say_crops(crops: dict[str, Crop]) -> list[str]:
     return [
         f"the photographs are taken to be cropped one by one: shifted by up to {x:.1f} and {y:.1f} "
         f"pixels of the working images against each other (+- {sd[0]:.1f} and {sd[1]:.1f}){said}; "
-        "photographs that were not cropped tell more"
+        "photographs that were not cropped tell more, of the elevation above all"
     ]
 
 
