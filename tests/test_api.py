@@ -90,6 +90,11 @@ def test_every_name_says_what_it_takes(name):
         ({"masks": "m", "silhouettes": "threshold"}, "'threshold' take no masks"),
         ({"silhouettes": "mask"}, "masks: none are given"),
         ({"cameras": "turntable", "silhouettes": "threshold", "size": 16}, "lacks a number"),
+        (
+            {"cameras": "turntable", "silhouettes": "threshold", "size": 16, "sets": "a*;b*"}
+            | {"turntable": "2.7,0,5"},
+            "'turntable' are of one turn, and sets",
+        ),
     ],
 )
 def test_what_cannot_be_used_is_refused_in_a_line(photos, given, message):

@@ -31,7 +31,7 @@ from PIL import Image
 
 from silmesh.cameras.attempt import FILE, WORLD_TO_CAMERA, Attempt
 from silmesh.cameras.locate import locate
-from silmesh.cameras.sets import find_sets
+from silmesh.cameras.sets import CLASH, find_sets
 from silmesh.errors import InputError, name_some
 from silmesh.evaluation import metrics
 from silmesh.fitting.fit import Fitted
@@ -185,7 +185,7 @@ def reconstruct(
             several rounds each, separated by ``;``
         sets: of photographs between which the object was turned over, as globs of view names or as
             folders, ``upright_*;turned_*``; found, where one turntable explains not all, if not
-            given
+            given; used by ``calibrate`` and ``auto``, and refused with ``turntable``
         size: side of the working images, in pixels
         init: shape of the initial mesh, or a function of your own
         preset: of the fit, ``fast`` or ``softras``, or a function of your own
@@ -621,6 +621,8 @@ class _Search:
                 "distance,elevation,step, for example 2.732,0,5; cameras 'calibrate' finds what is "
                 "not known"
             )
+        if self.sets.strip():
+            raise InputError(CLASH)
         views = self.photographs.views
         return attempt_turntable(views, known.distance, known.elevation, known.step)
 

@@ -1,5 +1,7 @@
 """Outlines whose lower arcs are all wrong: the elevation and the axis that they were made with."""
 
+from dataclasses import replace
+
 import damage
 import numpy as np
 import pytest
@@ -7,7 +9,7 @@ import torch
 from scenes import names, silhouettes
 
 from silmesh.cameras.arcs import ARCS, CUT, find_without_arcs, leave_out
-from silmesh.cameras.calibrate import Calibration, calibrate
+from silmesh.cameras.calibrate import Calibration, Estimate, calibrate
 from silmesh.cameras.turntable import orbit_cameras
 from silmesh.errors import InputError
 
@@ -45,7 +47,8 @@ def asked(whole, lower, upper):
     seen, calls = np.zeros((10, 64, 64), bool), []
     seen[:, 10:30, 20:40] = True
 
-    def fake(silhouettes, views, frames=None):
+    def fake(silhouettes, views, frames=None, guess=True):
+        assert guess == (not calls)  # two guesses at once are too many
         calls.append(frames)
         found = {1: whole, 2: lower, 3: upper}[len(calls)]
         if found is None:
@@ -74,10 +77,24 @@ def test_the_arc_without_which_the_rest_agrees_is_left_out():
 
 
 def test_views_that_disagree_are_no_reason_if_they_still_do_without_an_arc():
-    whole = result(0.1, 4)
-    run, calls = asked(whole, result(0.05, 5), result(0.05, 5))
+    whole = result(0.4, 4)
+    run, calls = asked(whole, result(0.2, 5), result(0.2, 5))
     assert run() is whole
     assert len(calls) == 3
+
+
+def test_cameras_that_nothing_shows_are_not_believed():
+    whole, empty = result(0.6), replace(result(0.0), estimates={"roll": Estimate(4.6, 3, "open")})
+    assert asked(whole, empty, result(0.5))[0]() is whole
+    assert asked(whole, replace(empty, rms=0.1), result(0.5))[0]() is whole
+    assert asked(whole, replace(empty, rms=0.1, estimates={}), result(0.5))[0]().rms == 0.1
+
+
+def test_nothing_is_asked_of_views_that_cannot_agree_better():
+    whole = result(0.1, 4)
+    run, calls = asked(whole, None, None)
+    assert run() is whole
+    assert calls == [None]
 
 
 def test_outlines_that_agree_better_without_either_arc_are_believed_whole():

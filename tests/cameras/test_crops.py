@@ -145,6 +145,16 @@ def test_crops_of_what_is_nearly_round_are_found_where_one_turntable_explains_it
     assert normalise(attempt.cameras, silhouettes).overall > 0.998  # 0.992 without crops
 
 
+@pytest.mark.slow
+def test_crops_are_found_where_the_step_is_not_known(bear):
+    cameras = stand(24)
+    silhouettes = render(crop_to_box(cameras, bear[0])[0], bear)
+    attempt = attempt_calibration(silhouettes, cameras.views)
+    assert abs(abs(attempt.figures["estimates"]["step"]["value"]) - 15) < 0.2
+    assert len(attempt.figures["crops"]) == 24
+    assert normalise(attempt.cameras, silhouettes).overall > 0.98
+
+
 def test_a_turntable_that_was_not_cropped_has_no_crops(bear):
     cameras = stand(16)
     t = cameras.t + torch.tensor([0.05, -0.03, 0], dtype=torch.float64)

@@ -296,3 +296,46 @@ def test_wildcards_match_just_what_the_stages_are_called(plan):
     assert re.fullmatch(found["masks"], "fallback")
     assert not re.fullmatch(found["calibration"], "calibrate")
     assert not re.fullmatch(found["scene"], "64-pad-mask-turntable")
+
+
+@pytest.mark.parametrize(
+    ("cameras", "said"),
+    [
+        ("calibrate", []),
+        ("auto", []),
+        ("colmap", ["sets are not used by cameras 'colmap', whose features tell them apart"]),
+        ("file:cameras.json", ["has the cameras of all photographs in one world"]),
+    ],
+)
+def test_a_line_says_where_sets_are_not_used(in_sets, cameras, said):
+    notes = in_sets(cameras).runs[0].notes
+    assert len(notes) == len(said)
+    assert all(
+        line in note and "list.tsv, line 2 (cup)" in note
+        for line, note in zip(said, notes, strict=True)
+    )
+
+
+def test_sets_and_one_known_turn_are_refused(in_sets):
+    with pytest.raises(InputError, match="are of one turn, and sets are of several"):
+        in_sets("turntable")
+
+
+@pytest.fixture
+def in_sets(tmp_path: Path, monkeypatch):
+    """The plan of a cup in two sets with some cameras."""
+    monkeypatch.chdir(tmp_path)
+    Path("photos").mkdir()
+    Path("cameras.json").touch()
+    for name in ("down", "up"):
+        for i in range(5):
+            Image.new("L", (4, 4)).save(f"photos/{name}_{i}.png")
+
+    def of(cameras: str) -> Plan:
+        row = f"cup\tphotos\tthreshold\t{cameras}\t2.7,0,5\tup_*;down_*"
+        Path("list.tsv").write_text(
+            f"object\timages\tsilhouettes\tcameras\tturntable\tsets\n{row}\n"
+        )
+        return Plan(yaml.safe_load("datasets: list.tsv\nvariants: {a: {}}"), "my.yaml")
+
+    return of

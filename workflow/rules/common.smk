@@ -349,6 +349,5 @@ def write_report_plan():
 
 def tell_unused():
     """Say what the table's rows found and do not use."""
-    datasets = {run.dataset.object: run.dataset for run in plan.runs}
-    for note in [note for dataset in datasets.values() for note in dataset.notes]:
+    for note in dict.fromkeys(note for run in plan.runs for note in run.notes):
         print(f"silmesh: {note}", file=sys.stderr)

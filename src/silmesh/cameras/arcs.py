@@ -8,6 +8,7 @@ object there, and is taken if what is left agrees far better.
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 ARCS = {"lower": 0.2, "upper": 0.2}  # shares of each silhouette's height that are left out
 DISAGREEING = 0.2  # of the views: if more disagree, or outlines miss by much, arcs are left out
 FAR_BETTER = 0.6  # of the residual with the wrong arcs: the most without them
+FINEST = 0.1  # pixels: outlines of pixels leave a larger residual however well they agree
 CUT = "the frame cuts the object in"  # how a warning begins that the left-out arcs bring about
 
 
@@ -30,6 +32,7 @@ def find_without_arcs(
     silhouettes: np.ndarray,
     views: Sequence[str],
     frames: np.ndarray | None = None,
+    guess: bool = True,
     **known: Any,
 ) -> "Calibration":
     """The turntable by all of the outlines or, where these contradict each other, by most of each.
@@ -38,29 +41,42 @@ def find_without_arcs(
         calibrate: finds it; takes the other arguments
         silhouettes: [views, size, size] bool
         frames: [views, 4] left, top, right and bottom of the photographs within the images
+        guess: whether arcs are left out, and then nothing else is guessed: two guesses at once are
+            too many
 
     Raises:
         InputError: neither whole outlines nor those without an arc give a turntable
     """
-    whole, failure = None, None
     try:
-        whole = calibrate(silhouettes, views, frames=frames, **known)
+        whole, failure = calibrate(silhouettes, views, frames=frames, guess=guess, **known), None
     except InputError as error:
-        failure = error
-    if whole is not None and not _is_doubtful(whole, silhouettes):
-        return whole
-    parts = {}
-    for arc in ARCS:
-        with suppress(InputError):
-            left = leave_out(arc, silhouettes, frames)
-            parts[arc] = calibrate(silhouettes, views, frames=left, **known)
-    for arc, part in parts.items():
-        others = [other for name, other in parts.items() if name != arc]
-        if not _is_doubtful(part, silhouettes) and _is_better(part, whole, others):
-            return _tell(part, whole, arc)
+        whole, failure = None, error
+    if guess and not _is_final(whole, silhouettes):
+        again = partial(calibrate, silhouettes, views, guess=False, **known)
+        if found := _find_better(again, whole, silhouettes, frames):
+            return found
     if whole is None:
         raise failure
     return whole
+
+
+def _find_better(
+    calibrate: Callable[..., "Calibration"],
+    whole: "Calibration | None",
+    silhouettes: np.ndarray,
+    frames: np.ndarray | None,
+) -> "Calibration | None":
+    """The turntable without an arc by which the outlines agree far better, if there is one."""
+    parts = {}
+    for arc in ARCS:
+        with suppress(InputError):
+            parts[arc] = calibrate(frames=leave_out(arc, silhouettes, frames))
+    for arc, part in parts.items():
+        others = [other for name, other in parts.items() if name != arc]
+        believed = _is_shown(part) and not _is_doubtful(part, silhouettes)
+        if believed and _is_better(part, whole, others):
+            return _tell(part, whole, arc)
+    return None
 
 
 def leave_out(arc: str, silhouettes: np.ndarray, frames: np.ndarray | None) -> np.ndarray:
@@ -81,6 +97,22 @@ def leave_out(arc: str, silhouettes: np.ndarray, frames: np.ndarray | None) -> n
 def _is_doubtful(found: "Calibration", silhouettes: np.ndarray) -> bool:
     limit = SUSPECT * silhouettes.shape[1] / 256
     return found.rms > limit or len(found.disagreeing) > DISAGREEING * len(silhouettes)
+
+
+def _is_final(whole: "Calibration | None", silhouettes: np.ndarray) -> bool:
+    """Whether no doubt is left, or the views that agree do so as well as outlines of pixels can."""
+    if whole is None:
+        return False
+    return not _is_doubtful(whole, silhouettes) or FAR_BETTER * whole.rms <= FINEST
+
+
+def _is_shown(part: "Calibration") -> bool:
+    """Whether what is left shows the turntable, as its roll if anything.
+
+    Rays that leave the frames miss nothing, so cameras by which all leave them explain anything.
+    """
+    roll = part.estimates.get("roll")
+    return part.rms > 0 and (roll is None or roll.status != "open")
 
 
 def _is_better(

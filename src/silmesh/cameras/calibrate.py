@@ -175,6 +175,7 @@ def calibrate(
     scales: np.ndarray | None = None,
     rounds: Sequence[Known] = (),
     signs: Callable[[], Signs | None] = lambda: None,
+    guess: bool = True,
     progress: Share = untold,
 ) -> Calibration:
     """Find the cameras of a turntable.
@@ -200,6 +201,8 @@ def calibrate(
         rounds: what is known of each round, if there are several: in place of ``step``,
             ``elevation`` and ``distance``
         signs: gives what the photographs say of rounds beside their silhouettes
+        guess: whether rounds and crops that nothing tells clearly are tried as well, and views
+            that agree are looked for where most contradict the others by far
         progress: is told which share is done
 
     Raises:
@@ -219,7 +222,7 @@ def calibrate(
         found = fit_split(turn, split, rounds, silhouettes, above_table, fewest, True, progress)
     else:
         crops = Crops(silhouettes, frames, scales)
-        found = fit_any(turn, given, silhouettes, signs, crops, fewest, progress)
+        found = fit_any(turn, given, silhouettes, signs, crops, fewest, guess, progress)
     progress(1)
     if found.is_of_all:
         _refuse_incoherent(found, repeated, signs)
@@ -546,7 +549,7 @@ def _say_crops(crops: dict[str, Crop]) -> list[str]:
     return [
         f"the photographs are taken to be cropped one by one: shifted by up to {x:.1f} and {y:.1f} "
         f"pixels of the working images against each other (+- {sd[0]:.1f} and {sd[1]:.1f}){said}; "
-        "photographs that were not cropped tell more"
+        "photographs that were not cropped tell more, of the elevation above all"
     ]
 
 

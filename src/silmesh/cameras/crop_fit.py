@@ -42,6 +42,8 @@ from silmesh.progress import Share, untold, within
 # and of the fit of all views.
 TRIED, REFINED, MORE_STEPS, FINE_STEPS = 8, 2, 30, 15
 PARTS = (0.4, 0.6, 0.8)  # shares of the time after which the search and the refinements end
+# Pixels of images of 256: a mean loss on few views from which crops explain nothing.
+HOPELESS = 8.0
 ROUNDS, AGAIN = 4, 0.9  # of refinement; the share of the cost that another one has to reach
 # Photographs may not have been scaled if the standard deviation of their scales is at most this.
 SAME_SCALE = 0.05
@@ -139,8 +141,8 @@ def fit_crops(
     given: Given,
     tight: bool = False,
     progress: Share = untold,
-) -> CropFit:
-    """Find turntable and crops together.
+) -> CropFit | None:
+    """Find turntable and crops together; None if none explain the silhouettes by far.
 
     Args:
         turn: with the views that have an outline
@@ -151,6 +153,8 @@ def fit_crops(
     shared = _find_free(given)
     part, kept = cropped.thin(COARSE_VIEWS, COARSE_SAMPLES)
     starts = _search(part, given, within(progress, 0, PARTS[0]))
+    if part.cost(starts[0]) > HOPELESS * turn.size / 256:
+        return None
     coarse = [_refine(part, x, shared) for x in starts[:REFINED]]
     coarse.sort(key=part.cost)
     progress(PARTS[1])

@@ -12,6 +12,10 @@ from fnmatch import fnmatchcase
 from silmesh.errors import InputError, name_some, shorten
 
 FEWEST = 5  # views of a set, without which it is not joined with another
+CLASH = (
+    "cameras 'turntable' are of one turn, and sets are of several, between which the object was "
+    "turned over; should be cameras 'calibrate', which finds and joins them, or no sets"
+)
 
 
 def find_sets(
@@ -49,6 +53,19 @@ def find_sets(
                 f"another takes {FEWEST} or more, and two dozen to be trusted"
             )
     return tuple(tuple(views[i] for i in sorted(places)) for places in found)
+
+
+def describe_unused(cameras: str) -> str:
+    """A line that says why a source of cameras does not use sets that are named; else "".
+
+    Args:
+        cameras: the source, as a table has it
+    """
+    if cameras.startswith("file:"):
+        return f"sets are not used: {cameras} has the cameras of all photographs in one world"
+    if cameras == "colmap":
+        return "sets are not used by cameras 'colmap', whose features tell them apart"
+    return ""
 
 
 def _match(patterns: Sequence[str], views: Sequence[str], folders: Sequence[str]) -> set[int]:

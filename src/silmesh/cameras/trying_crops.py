@@ -54,4 +54,4 @@ class Crops:
             ratios = scales / [1, turn.aspect]
             ratios = ratios / np.exp(np.log(ratios).mean())
         fit = fit_crops(turn, ratios, given, tight)
-        return fit if fit.agrees.any() and fit.changes else None
+        return fit if fit and fit.agrees.any() and fit.changes else None

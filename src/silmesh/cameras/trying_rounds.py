@@ -100,6 +100,7 @@ def fit_any(
     signs: Callable[[], Signs | None],
     crops: Crops,
     fewest: float,
+    guess: bool,
     progress: Share,
 ) -> Found:
     """Fit one round and, where it does not explain all views, the crops or rounds they may be.
@@ -108,11 +109,11 @@ def fit_any(
     one round does not explain most views.
     """
     rounds = _Rounds(turn, given, silhouettes, signs, crops, fewest)
-    one = Found(*fit_most(turn, given, fewest, progress, rounds.try_clear), given)
-    if better := rounds.try_clearer(one):
+    one = Found(*fit_most(turn, given, fewest, progress, rounds.try_clear, guess), given)
+    if guess and (better := rounds.try_clearer(one)):
         return better
-    if one.explained < CLEARLY * len(turn.index):
-        rounds.try_others(one.verdict)
+    if guess and one.explained < CLEARLY * len(turn.index):
+        rounds.try_others(one)
     best = max(rounds.tried, key=lambda found: found.explained, default=one)
     return best if best.explained > one.explained or best.fit is one.fit else one
 
@@ -162,19 +163,21 @@ class _Rounds:
         better = found and found.verdict is None and found.fit.rms <= CLEARER * one.fit.rms
         return found if better else None
 
-    def try_others(self, verdict: Consensus | None) -> None:
+    def try_others(self, one: Found) -> None:
         """Fit rounds and crops that no sign tells, until a fit explains most views.
 
+        Crops only where one round explains too few views: they would contradict nearly all.
+
         Args:
-            verdict: which views agree on one round
+            one: the fit of one round
         """
-        agrees = np.zeros(len(self.silhouettes), bool)
+        agrees, verdict = np.zeros(len(self.silhouettes), bool), one.verdict
         agrees[self.turn.index] = verdict is not None and verdict.agrees
         told = [split for split in self._told if not split.clear]
         turns = [split for split in told if are_full_turns(split, self.silhouettes)]
         evenly = divide_evenly(self.silhouettes)
         good = self._try([*divide_by_agreement(agrees), *turns, *evenly][:SPLITS])
-        if not good and not self.crops.told:
+        if not good and not self.crops.told and one.explained < self.fewest:
             self._try_crops()
 
     def _try_crops(self) -> Found | None:

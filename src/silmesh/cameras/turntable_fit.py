@@ -44,6 +44,9 @@ BETTER = 2.0
 # Not all views can agree if the search ends above so many times SUSPECT; all are fitted then only
 # if no views are found that disagree.
 HOPELESS = 2.0
+# Share of the views that have to agree if little time is taken, and the mean loss, in pixels of
+# images of 256, from which these do not.
+MOST, LOST = 0.8, 8.0
 BETTER_FIT = 0.8  # of the residual of all views, from which the fit of those that agree is taken
 # Root mean square residual, in pixels of a 256-pixel image, from which some silhouettes may be
 # wrong, and from which what chosen views agree on is no turntable.
@@ -113,6 +116,7 @@ def fit_most(
     fewest: float,
     progress: Share,
     otherwise: Callable[[], tuple[TurntableFit, Consensus | None] | None] = lambda: None,
+    patient: bool = True,
 ) -> tuple[TurntableFit, Consensus | None]:
     """Fit all views or, if these contradict each other, those that agree.
 
@@ -120,6 +124,7 @@ def fit_most(
         fewest: views that have to agree
         otherwise: is asked, where some views contradict others, for a fit of another kind, which
             is taken if there is one
+        patient: whether views that agree are looked for even if most contradict the others by far
     Returns:
         the fit, and how far the views agree if that had to be asked
     """
@@ -132,6 +137,8 @@ def fit_most(
         return fit or solve(turn, starts, given, progress), None
     if other := otherwise():
         return other
+    if not patient and _is_lost(thin, starts[0]):
+        return fit or solve(turn, starts, given, progress), None
     verdict = find_consensus(
         turn,
         lambda sample, told: search(sample, given, told)[0][: sample.shared],
@@ -152,6 +159,12 @@ def fit_most(
             if strict.agrees.sum() >= fewest:
                 return apart, strict
     return fit or solve(turn, starts, given, progress), verdict
+
+
+def _is_lost(thin: Turntable, x: np.ndarray) -> bool:
+    """Whether even the views that fit best, ``MOST`` of them, are contradicted by far."""
+    costs = np.sort(thin.view_costs(thin.widen(x)))[: math.ceil(MOST * len(thin.index))]
+    return bool(costs.mean() > LOST * thin.size / 256)
 
 
 def solve(

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from silmesh.cameras.locate import locate
-from silmesh.cameras.sets import find_sets
+from silmesh.cameras.sets import describe_unused, find_sets
 from silmesh.cli.bar import Bar
 from silmesh.cli.outcome import (
     advise_on_cameras,
@@ -95,6 +95,8 @@ def make_mesh(
     if silhouettes == MASK:
         refuse_labels(found)
     options["sets"] = _name_sets(options["sets"], files)
+    if options["sets"]:
+        _say(*filter(None, [describe_unused(tries[0])]))
     work = Workspace(folder, name, tuple(files), tuple(found))
     work.check(*_configure(silhouettes, tries[0], options)[1:])
     _refuse_inputs((output, page), (*paths, *files, *found, *_list_files(cameras)))

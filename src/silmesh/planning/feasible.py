@@ -9,6 +9,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from silmesh.cameras.sets import CLASH
 from silmesh.errors import InputError, blaming
 from silmesh.settings.fit import refuse_clash
 from silmesh.views import count_array_views, find_images
@@ -38,6 +39,8 @@ def refuse_infeasible(run: "Run", where: str) -> None:
     with blaming(f"{run.dataset.where} (variant {run.variant!r})"):
         _refuse_opaque(run.silhouettes, run.dataset.images)
         _refuse_few_views(run)
+        if run.cameras == "turntable" and run.dataset.sets:
+            raise InputError(CLASH)
 
 
 def _refuse_lacking_gpu(key: str, device: str) -> None:

@@ -26,6 +26,7 @@ from pathlib import Path
 from typing import Any
 
 from silmesh.cameras.locate import locate
+from silmesh.cameras.sets import describe_unused
 from silmesh.errors import InputError, blaming
 from silmesh.own_code import own_file, own_files, refuse_lacking
 from silmesh.planning.config import Config, Variant, parse_config
@@ -247,6 +248,13 @@ class Run:
         """Names the sets that the photographs are divided into, if they are given."""
         sets = self.dataset.sets
         return f"-{_digest(repr(sets))}" if sets else ""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What its object's row says and is not used, a line each."""
+        unused = describe_unused(self.cameras) if self.dataset.sets else ""
+        said = [f"{self.dataset.where} (variant {self.variant!r}): {unused}"] if unused else []
+        return (*self.dataset.notes, *said)
 
     @property
     def _silhouettes_name(self) -> str:

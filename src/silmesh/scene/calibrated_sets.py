@@ -45,7 +45,8 @@ def calibrate_sets(
     tried = []
     for split in propose(silhouettes, read_signs(views))[:TRIED]:
         parts = [part.tolist() for part in split.rounds]
-        joined = _calibrate_each(silhouettes, views, parts, pictures, progress, known)
+        plain = {**known, "guess": False}
+        joined = _calibrate_each(silhouettes, views, parts, pictures, progress, plain)
         better = whole.cameras is None or len(_disagreeing(joined)) < len(_disagreeing(whole))
         if joined.cameras is not None and better:
             said = _say_taken(parts, views, split.because)
