@@ -136,6 +136,16 @@ def start_workers(given: argparse.Namespace) -> dict[str, Worker]:
     return workers
 
 
+def compare_silhouettes(case: Case, mesh: trimesh.Trimesh) -> list[float]:
+    """The IoU of a mesh with each true silhouette, within the frames."""
+    values = []
+    seen = silhouettes(mesh, case.cameras)
+    for made, true, (left, top, right, bottom) in zip(seen, case.masks, case.frames, strict=True):
+        inside = np.s_[top:bottom, left:right]
+        values.append(iou(made[inside], true[inside]))
+    return values
+
+
 def measure_mesh(case: Case, mesh: trimesh.Trimesh | None, calibrated: bool) -> dict:
     """The mesh against the true silhouettes, within the frames, and the truth in 3D.
 
@@ -147,12 +157,10 @@ def measure_mesh(case: Case, mesh: trimesh.Trimesh | None, calibrated: bool) -> 
     if calibrated:
         laid = register(mesh, case.truth).apply(mesh.vertices)
         mesh = trimesh.Trimesh(laid, mesh.faces, process=False)
-    seen = silhouettes(mesh, case.cameras)
-    values = []
-    for made, true, (left, top, right, bottom) in zip(seen, case.masks, case.frames, strict=True):
-        inside = np.s_[top:bottom, left:right]
-        values.append(iou(made[inside], true[inside]))
+    values = compare_silhouettes(case, mesh)
     told = {"iou": float(np.mean(values)), "iou_min": float(np.min(values))}
+    if case.unseen:
+        told["iou_unseen"] = float(np.mean(compare_silhouettes(case.unseen, mesh)))
     told["pieces"] = len(mesh.split(only_watertight=False))
     if case.truth is not None:
         compared = compare_to_truth(mesh, case.truth)

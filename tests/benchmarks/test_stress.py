@@ -36,6 +36,17 @@ def test_the_truth_itself_measures_as_perfect(clean):
     assert told["pieces"] == 1
 
 
+def test_few_silhouettes_fit_a_body_that_the_others_do_not(clean):
+    """Of two views from one side: a body that is far too deep fills them."""
+    few = damage_case(clean, "views", (2,), seed=0)
+    told = measure_inside(few, "hull", steps=20)
+    assert told["iou"] > 0.98
+    assert told["iou_unseen"] < 0.95
+    true = measure_mesh(few, few.truth, calibrated=False)
+    assert true["iou_unseen"] > 0.99
+    assert "iou_unseen" not in measure_mesh(clean, clean.truth, calibrated=False)
+
+
 @pytest.mark.parametrize("method", INSIDE)
 @pytest.mark.parametrize("damage", [("clean", ()), ("cut", (0.3,)), ("empty", (0.3,))])
 def test_simpler_ways_bear_frames_and_empty_masks(clean, method, damage):
