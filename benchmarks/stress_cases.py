@@ -57,6 +57,7 @@ class Case:
         pictures: [views, size, size, 3] uint8
         given_cameras, given_masks: what is told
         wrong: positions of the views that are damaged
+        unseen: the views that are not given, of a case that has fewer
     """
 
     truth: trimesh.Trimesh | None
@@ -68,6 +69,7 @@ class Case:
     given_masks: NDArray[np.bool_]
     wrong: tuple[int, ...] = ()
     repaint: Callable | None = None
+    unseen: "Case | None" = None
 
     def select(self, index: list[int]) -> "Case":
         """Only these views."""
@@ -108,7 +110,9 @@ def _fill(case: Case, strength: tuple, seed: int) -> Case:
 
 
 def _thin_out(case: Case, strength: tuple, seed: int) -> Case:
-    return case.select(damage.thin_out(len(case.masks), *strength))
+    kept = damage.thin_out(len(case.masks), *strength)
+    others = np.setdiff1d(np.arange(len(case.masks)), kept).tolist()
+    return replace(case.select(kept), unseen=case.select(others))
 
 
 def _step_nearer(case: Case, strength: tuple, seed: int) -> Case:

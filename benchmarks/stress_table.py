@@ -63,7 +63,10 @@ def _tabulate_objects(about: str, rows: Mapping[str, Mapping[str, Cells]], metho
 
 
 def _show_cell(cells: Cells, method: str) -> str:
-    """IoU, the best of the others' in brackets, volume IoU, a ``d`` if doubtful; bold if missed."""
+    """IoU, the best of the others' in brackets, volume IoU, a ``d`` if doubtful; bold if missed.
+
+    Of a case of few views also the IoU with the silhouettes of those that were not given.
+    """
     made = cells.get(method)
     if made is None:
         return "–"
@@ -72,6 +75,12 @@ def _show_cell(cells: Cells, method: str) -> str:
     others = [cells[name]["iou"] for name in BESIDE if name in cells and name != method]
     word = f"{made['iou']:.3f}" + (f" ({max(others):.3f})" if others else "")
     word += f" / {made['volume_iou']:.3f}" if made.get("volume_iou") is not None else ""
+    if "iou_unseen" in made:
+        unseen = [
+            cells[name]["iou_unseen"] for name in BESIDE if "iou_unseen" in cells.get(name, {})
+        ]
+        word += f", unseen {made['iou_unseen']:.3f}"
+        word += f" ({max(unseen):.3f})" if unseen else ""
     word += " d" * (made["verdict"] == "doubtful")
     return f"**{word}**" if judge_cell(cells, method) else word
 

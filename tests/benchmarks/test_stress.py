@@ -11,6 +11,7 @@ from stress import (
     measure_mesh,
     measure_turntable,
     parse_damage,
+    shift_to_truth,
 )
 from stress_cases import DAMAGES, damage_case, make_clean
 
@@ -34,6 +35,28 @@ def test_the_truth_itself_measures_as_perfect(clean):
     assert told["iou"] > 0.99  # another renderer made the masks
     assert told["volume_iou"] == 1
     assert told["pieces"] == 1
+
+
+def test_a_mesh_that_is_only_shifted_is_as_good_where_it_is_laid_back(clean):
+    shaken = damage_case(clean, "shaken", (1.0,), seed=0)
+    away = clean.truth.copy().apply_translation([0.04, -0.03, 0.05])
+    told = measure_mesh(shaken, away, calibrated=False)
+    assert told["iou"] < 0.9
+    assert told["iou_shifted"] > 0.99
+    laid = shift_to_truth(shaken, away)
+    assert laid.vertices.mean(axis=0) == pytest.approx(clean.truth.vertices.mean(axis=0), abs=5e-3)
+    assert "iou_shifted" not in measure_mesh(clean, away, calibrated=False)
+
+
+def test_few_silhouettes_fit_a_body_that_the_others_do_not(clean):
+    """Of two views from one side: a body that is far too deep fills them."""
+    few = damage_case(clean, "views", (2,), seed=0)
+    told = measure_inside(few, "hull", steps=20)
+    assert told["iou"] > 0.98
+    assert told["iou_unseen"] < 0.95
+    true = measure_mesh(few, few.truth, calibrated=False)
+    assert true["iou_unseen"] > 0.99
+    assert "iou_unseen" not in measure_mesh(clean, clean.truth, calibrated=False)
 
 
 @pytest.mark.parametrize("method", INSIDE)

@@ -47,6 +47,13 @@ def test_close_ups_show_the_truth_within_their_frames(clean):
     assert not case.wrong
 
 
+def test_views_that_are_not_given_are_unseen(clean):
+    case = damage_case(clean, "views", (4,), seed=1)
+    assert case.cameras.views == tuple(clean.cameras.views[i] for i in (0, 1, 3, 4))
+    assert case.unseen.cameras.views == tuple(clean.cameras.views[i] for i in (2, 5))
+    np.testing.assert_array_equal(case.unseen.masks, clean.masks[[2, 5]])
+
+
 @pytest.mark.parametrize("kind", DAMAGES)
 def test_every_damage_leaves_the_truth_and_names_its_cell(clean, kind):
     names = set()

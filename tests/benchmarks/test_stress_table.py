@@ -55,3 +55,12 @@ def test_objects_stand_beside_each_other_with_the_best_of_the_others():
     lines = tabulate_objects({"24 views": {"bites": cells}}, "silmesh").splitlines()
     assert lines[2] == "| damage | axe | bear | pot |"
     assert lines[4] == ("| bites | **refused** | **0.930 (0.950) / 0.500 d** | 0.875 / 0.500 |")
+
+
+def test_few_views_are_also_compared_with_those_that_were_not_given():
+    cells = {
+        "hull": _cell(0.99, iou_unseen=0.75),
+        "silmesh": _cell(0.985, "doubtful", iou_unseen=0.8),
+    }
+    lines = tabulate_objects({"24 views": {"4 views": {"bear": cells}}}, "silmesh").splitlines()
+    assert lines[4] == "| 4 views | 0.985 (0.990) / 0.500, unseen 0.800 (0.750) d |"
