@@ -7,7 +7,7 @@ from scenes import dome, silhouettes
 from silmesh.cameras.directions import measure_turns, turn, turn_to_agree
 from silmesh.geometry.camera import Similarity
 from silmesh.scene.agreement import normalise
-from silmesh.scene.reorientation import reorient
+from silmesh.scene.reorientation import Reoriented, reorient, say_open
 
 SIZE, AXES, CENTRE = 64, (0.3, 0.4, 0.2), (0.05, -0.03, 0.02)
 
@@ -51,7 +51,8 @@ def test_shaken_cameras_turn_back_and_their_mean_stays(egg):
 def test_shaken_cameras_are_told_and_become_coherent(egg):
     cameras, seen = egg
     found = normalise(shake(cameras, 2), seen)
-    again, said = reorient(found, seen)
+    turned = reorient(found, seen)
+    again, said = turned.found, turned.said
     assert found.overall < 0.9 < 0.97 < again.overall
     assert said.startswith("the cameras contradict all silhouettes a little: each was turned")
     assert f"hull IoU {found.overall:.2f} before, {again.overall:.2f} now" in said
@@ -61,7 +62,7 @@ def test_shaken_cameras_are_told_and_become_coherent(egg):
 @pytest.mark.parametrize("turned", [0, 0.05])
 def test_coherent_cameras_stay_as_they_are(egg, turned):
     found = normalise(shake(egg[0], turned), egg[1])
-    assert reorient(found, egg[1]) == (found, "")
+    assert reorient(found, egg[1]) == Reoriented(found)
 
 
 def test_cameras_of_other_silhouettes_are_not_turned(egg):
@@ -70,13 +71,22 @@ def test_cameras_of_other_silhouettes_are_not_turned(egg):
     mixed = np.where((np.arange(16) % 2 == 0)[:, None, None], seen, wrong)
     found = normalise(cameras, mixed)
     assert found.overall < 0.8
-    assert reorient(found, mixed) == (found, "")
+    assert reorient(found, mixed) == Reoriented(found)
 
 
 def test_far_too_large_turns_are_not_taken(egg):
     cameras, seen = egg
     found = normalise(shake(cameras, 20), seen)
-    assert reorient(found, seen)[1] == ""
+    assert reorient(found, seen).said == ""
+
+
+def test_a_long_lens_leaves_open_where_the_object_stands():
+    seen = np.zeros((16, 64, 64), bool)
+    seen[:, 20:40, 20:40] = True
+    turns = np.full(16, 2.0)  # a focal length of 200 pixels: 6.98 each, sqrt(2/3) / 4 of it in all
+    said = say_open(turns, 200, seen)
+    assert "by about 1.4 pixels or 7% of its size" in said
+    assert say_open(turns, 100, seen) == ""  # 3.6 %
 
 
 def test_the_world_is_normalised_anew_and_the_way_back_stays(egg):

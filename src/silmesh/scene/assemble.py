@@ -17,7 +17,7 @@ from silmesh.scene.agreement import Normalised, choose, refused_or
 from silmesh.scene.conventions import settle
 from silmesh.scene.diagnosis import MEASURED, diagnose
 from silmesh.scene.outliers import LEAST
-from silmesh.scene.reorientation import reorient
+from silmesh.scene.reorientation import Reoriented, reorient
 from silmesh.scene.scene import Scene
 from silmesh.views import View
 
@@ -70,10 +70,11 @@ def build_scene(
     taken, why = choose(attempts, normalised)
     attempt, best = attempts[taken], normalised[taken]
     undistorted = best.undistorted.silhouettes(shown.silhouettes(best.cameras.views))
-    if not keep_world:
-        best, turned = reorient(best, undistorted)
-        attempt = replace(attempt, warnings=(*attempt.warnings, turned)) if turned else attempt
+    turned = Reoriented(best) if keep_world else reorient(best, undistorted)
+    best = turned.found
+    attempt = replace(attempt, warnings=(*attempt.warnings, *filter(None, [turned.said])))
     attempt = _warn_of_contradicted(attempt, best)
+    findings = diagnose(silhouettes, views, coherent=best.mean >= COHERENT)
     notes = {
         **_note_cameras(attempt, best, why),
         "disagreeing": _explain_contradicted(best) | attempt.figures.get("disagreeing", {}),
@@ -81,7 +82,7 @@ def build_scene(
         "warnings": list(attempt.warnings),
         "figures": dict(attempt.figures),
         "mirrored": attempt.mirrored,
-        "measured": diagnose(silhouettes, views, coherent=best.mean >= COHERENT),
+        "measured": [*findings, *filter(None, [turned.doubt])],
         "lost": dict(lost or {}),
         **_note_views(best, views),
         "attempts": [
