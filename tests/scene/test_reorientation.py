@@ -92,6 +92,6 @@ def test_a_long_lens_leaves_open_where_the_object_stands():
 def test_the_world_is_normalised_anew_and_the_way_back_stays(egg):
     cameras, seen = egg
     own = shake(cameras, 2).in_world_of(Similarity(cameras.centres[0], 3.0))
-    again, _ = reorient(normalise(own, seen), seen)
+    again = reorient(normalise(own, seen), seen).found
     back = again.cameras.in_world_of(again.similarity.inverse)
     np.testing.assert_allclose(back.centres, own.centres, atol=1e-9)
