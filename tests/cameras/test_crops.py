@@ -52,13 +52,18 @@ def render(cameras, bear):
     return (soft_silhouettes(seen, faces.long(), (SIZE, SIZE), sigma=1e-8) > 0.5).numpy()
 
 
-def test_frontier_points_agree_at_the_true_crops_alone(bear):
-    cameras = stand(12)
+def touch_boxed(bear, count):
+    """Frontier points of views cropped to the object's box, and the scales and shifts of these."""
+    cameras = stand(count)
     cropped, scale, shift = crop_to_box(cameras, bear[0])
     outlines = trace(render(cropped, bear), 24, cameras.views)
     camera = tuple(part.numpy() for part in (cameras.K, cameras.R, cameras.t))
-    hulls, every = trace_hulls(outlines.distances), np.ones(12, bool)
-    frontier = Frontier.of(camera, np.zeros(3), hulls, np.ones((12, 2)), every)
+    hulls, every = trace_hulls(outlines.distances), np.ones(count, bool)
+    return Frontier.of(camera, np.zeros(3), hulls, np.ones((count, 2)), every), scale, shift
+
+
+def test_frontier_points_agree_at_the_true_crops_alone(bear):
+    frontier, scale, shift = touch_boxed(bear, 12)
     crops = np.column_stack([shift, np.log(scale)])
     residuals = frontier.residuals(crops)
     assert np.sqrt((residuals**2).mean()) < 0.25
@@ -69,12 +74,7 @@ def test_frontier_points_agree_at_the_true_crops_alone(bear):
 
 
 def test_slopes_are_those_of_the_residuals(bear):
-    cameras = stand(5)
-    cropped, scale, shift = crop_to_box(cameras, bear[0])
-    outlines = trace(render(cropped, bear), 24, cameras.views)
-    camera = tuple(part.numpy() for part in (cameras.K, cameras.R, cameras.t))
-    hulls, every = trace_hulls(outlines.distances), np.ones(5, bool)
-    frontier = Frontier.of(camera, np.zeros(3), hulls, np.ones((5, 2)), every)
+    frontier, scale, shift = touch_boxed(bear, 5)
     crops = np.column_stack([shift + 1, np.log(scale) + 0.02])
     slopes = frontier.slopes(crops)
     for view, name in ((0, 1), (3, SCALE)):

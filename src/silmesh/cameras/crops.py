@@ -23,7 +23,7 @@ from silmesh.cameras.frontier import (
     to_maps,
     trace_hulls,
 )
-from silmesh.cameras.gauss_newton import Problem, minimise
+from silmesh.cameras.gauss_newton import Problem, minimise, remember_last
 from silmesh.cameras.silhouette_coherence import Misses, measure_at
 from silmesh.cameras.turntable_residuals import (
     AXIS,
@@ -206,23 +206,21 @@ class Cropped:
         free = np.r_[shared, self.own_crops(len(own))].astype(int)
         touching = self.frontier(own)
         known = turn.outlines.known.ravel()
-        last: list[tuple[bytes, Misses]] = []
 
         def whole(part: np.ndarray) -> np.ndarray:
             x = start.copy()
             x[free] = part
             return x
 
+        misses = remember_last(lambda part: self.misses(whole(part)))
+
         def residuals(part: np.ndarray) -> np.ndarray:
-            x = whole(part)
-            last[:] = [(part.tobytes(), self.misses(x))]
-            pixels = last[0][1].pixels.ravel()
-            return np.r_[pixels, self._touch(touching, x)] if frontier else pixels
+            pixels = misses(part).pixels.ravel()
+            return np.r_[pixels, self._touch(touching, whole(part))] if frontier else pixels
 
         def slopes(part: np.ndarray) -> np.ndarray:
             x = whole(part)
-            misses = last[0][1] if last[0][0] == part.tobytes() else self.misses(x)
-            data = self.slopes(x, misses).reshape(-1, len(x))[:, free]
+            data = self.slopes(x, misses(part)).reshape(-1, len(x))[:, free]
             if not frontier:
                 return data
             return np.concatenate([data, self._slope(touching, x, shared)[:, free]])

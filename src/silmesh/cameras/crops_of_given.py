@@ -14,6 +14,7 @@ import torch
 from silmesh.cameras.crop_signs import are_tight
 from silmesh.cameras.crops import Cropped
 from silmesh.cameras.frontier import SCALE, to_maps, trace_hulls
+from silmesh.cameras.gauss_newton import soft_l1
 from silmesh.cameras.silhouette_coherence import (
     Misses,
     Outlines,
@@ -22,7 +23,7 @@ from silmesh.cameras.silhouette_coherence import (
     make_pose,
     trace,
 )
-from silmesh.cameras.turntable_residuals import COARSE_SAMPLES, COARSE_VIEWS, NOISE, SOFT
+from silmesh.cameras.turntable_residuals import COARSE_SAMPLES, COARSE_VIEWS, NOISE
 from silmesh.errors import InputError
 from silmesh.geometry.camera import Cameras
 
@@ -95,7 +96,7 @@ class StillCameras:
     def cost(self, x: np.ndarray) -> float:
         """Mean soft L1 loss of the residuals, in square pixels."""
         pixels = self.misses(x).pixels[self.outlines.known]
-        return float((2 * SOFT**2 * (np.sqrt(1 + (pixels / SOFT) ** 2) - 1)).mean())
+        return float(soft_l1(pixels).mean())
 
 
 @dataclass(frozen=True)

@@ -16,11 +16,13 @@ import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
+from silmesh.cameras.gauss_newton import soften
 from silmesh.cameras.silhouette_coherence import (
     Misses,
     Outlines,
     Pose,
     find_misses,
+    make_pose,
     measure_at,
     trace,
 )
@@ -33,7 +35,6 @@ SAMPLES = 64  # points of each outline
 REACH = 0.25  # of an image's side: outlines farther from each other show no way to each other
 WIDE, NARROW = 0.02, 0.002  # radians: the prior's first standard deviation, and its least later
 NOISE, INDEPENDENT = 0.15, 3  # pixels of error of a point; independent measurements of an outline
-SOFT = 1.0  # pixels: residuals beyond count less
 STEPS = 12  # of each of the two fits at most
 LONGEST, SHORTEST = 0.02, 3e-4  # radians: of a step; steps shorter than this end a fit
 RADIUS = 1.2 * OBJECT_RADIUS  # of the sphere in which the rays are followed
@@ -78,7 +79,7 @@ def _fit(outlines: Outlines, cameras: Cameras, turns: np.ndarray, spread: float)
     for _ in range(STEPS):
         misses = _measure(outlines, turn(cameras, turns))
         slopes = _differentiate(outlines, cameras, turns, misses)
-        weights = outlines.known / np.sqrt(1 + (misses.pixels / SOFT) ** 2)
+        weights = soften(outlines.known, misses.pixels)
         weighted = slopes * weights.reshape(-1, 1)
         normal = slopes.T @ weighted + prior * np.eye(turns.size)
         downhill = weighted.T @ misses.pixels.ravel() + prior * turns.ravel()
@@ -97,11 +98,8 @@ def _measure(outlines: Outlines, cameras: Cameras) -> Misses:
 
 def _pose(outlines: Outlines, cameras: Cameras) -> Pose:
     """The cameras, each with its own K, as the kernels take them."""
-    points = outlines.points
-    rays = np.concatenate([points, np.ones_like(points[..., :1])], axis=2)
-    rays = rays @ np.linalg.inv(cameras.K.numpy()).transpose(0, 2, 1) @ cameras.R.numpy()
-    middle = np.ascontiguousarray(cameras.t[:, 2].numpy())
-    return Pose(cameras.projections.numpy(), cameras.centres.numpy(), rays, middle)
+    K, R, t = (part.numpy() for part in (cameras.K, cameras.R, cameras.t))
+    return make_pose(K, R, t, outlines.points)
 
 
 def _differentiate(

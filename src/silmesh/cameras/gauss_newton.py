@@ -2,12 +2,16 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
 SOFT = 1.0  # pixels: the soft L1 loss is quadratic below this residual and linear above it
 FIRST, LEAST, MOST, FACTOR = 1e-3, 1e-7, 10.0, 6.0  # damping, in parts of the curvature
 ENOUGH = 1e-4  # relative gain of a step that ends it
+
+
+Value = TypeVar("Value")
 
 
 @dataclass(frozen=True)
@@ -41,6 +45,23 @@ def soft_l1(residuals: np.ndarray) -> np.ndarray:
     return 2 * SOFT**2 * (np.sqrt(1 + (residuals / SOFT) ** 2) - 1)
 
 
+def soften(weights: np.ndarray, residuals: np.ndarray) -> np.ndarray:
+    """The weights with which squares of the residuals have the slope of the loss."""
+    return weights / np.sqrt(1 + (residuals / SOFT) ** 2)
+
+
+def remember_last(measure: Callable[[np.ndarray], Value]) -> Callable[[np.ndarray], Value]:
+    """A function that measures nothing again at the parameters that it was last asked of."""
+    last: list[tuple[bytes, Value]] = []
+
+    def remembered(x: np.ndarray) -> Value:
+        if not last or last[0][0] != x.tobytes():
+            last[:] = [(x.tobytes(), measure(x))]
+        return last[0][1]
+
+    return remembered
+
+
 def minimise(problem: Problem, start: np.ndarray, steps: int) -> np.ndarray:
     """The parameters [n] that at most so many steps reach."""
     x, damping = np.clip(start, problem.low, problem.high), FIRST
@@ -49,7 +70,7 @@ def minimise(problem: Problem, start: np.ndarray, steps: int) -> np.ndarray:
     for _ in range(steps):
         before = cost
         slopes = problem.slopes(x)
-        weight = problem.weights / np.sqrt(1 + (residuals / SOFT) ** 2)
+        weight = soften(problem.weights, residuals)
         weighted = slopes * weight[:, None]
         square = slopes.T @ weighted + np.diag(problem.precision)
         gradient = weighted.T @ residuals + problem.precision * (x - problem.mean)

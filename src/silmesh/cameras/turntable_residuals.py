@@ -24,6 +24,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
+from silmesh.cameras.gauss_newton import SOFT, remember_last, soft_l1
 from silmesh.cameras.silhouette_coherence import (
     Misses,
     Outlines,
@@ -38,7 +39,6 @@ WIDTH = 1.6  # world units that the image's side spans at the axis
 # The search for a start uses at most so many views, and about so many points of each outline.
 COARSE_VIEWS, COARSE_SAMPLES = 24, 16
 NOISE = 0.15  # pixels: standard deviation of a point on a traced outline
-SOFT = 1.0  # pixels: the soft L1 loss is quadratic below this residual and linear above it
 JITTER = 0.5  # degrees: prior standard deviation of a view's angle about its even step
 # The errors along an edge are correlated, so all points of an outline together weigh as much as
 # this many independent measurements.
@@ -323,22 +323,19 @@ class Turntable:
         mean, sd = self.prior()
         # A prior weighs as much as one of INDEPENDENT measurements, not as one of all samples.
         worth = NOISE * math.sqrt(self.outlines.known.shape[1] / INDEPENDENT)
-        last: list[tuple[bytes, Misses]] = []
 
         def whole(part: np.ndarray) -> np.ndarray:
             x = start.copy()
             x[free] = part
             return x
 
+        misses = remember_last(lambda part: self.misses(whole(part)))
+
         def residuals(part: np.ndarray) -> np.ndarray:
-            x = whole(part)
-            last[:] = [(part.tobytes(), self.misses(x))]
-            return np.r_[last[0][1].pixels.ravel(), worth * ((x - mean) / sd)[free]]
+            return np.r_[misses(part).pixels.ravel(), worth * ((whole(part) - mean) / sd)[free]]
 
         def jacobian(part: np.ndarray) -> np.ndarray:
-            x = whole(part)
-            misses = last[0][1] if last[0][0] == part.tobytes() else self.misses(x)
-            data = self.slopes(x, misses).reshape(-1, len(x))[:, free]
+            data = self.slopes(whole(part), misses(part)).reshape(-1, len(start))[:, free]
             return np.concatenate([data, np.diag(worth / sd[free])])
 
         spread = np.r_[self._each(SPREAD, ROUND_SPREAD), np.full(len(self.index), JITTER)]
@@ -371,7 +368,7 @@ class Turntable:
         return (self._squares(x) * known).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
 
     def _squares(self, x: np.ndarray) -> np.ndarray:
-        return SOFT**2 * 2 * (np.sqrt(1 + (self.misses(x).pixels / SOFT) ** 2) - 1)
+        return soft_l1(self.misses(x).pixels)
 
     def excess(self, better: float, worse: float) -> float:
         """By how many standard errors the cost ``worse`` exceeds the cost ``better``."""

@@ -23,7 +23,7 @@ from silmesh.errors import InputError, blaming
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.visual_hull import carve
 from silmesh.scene.agreement import Normalised, normalise
-from silmesh.views import View
+from silmesh.views import View, stack_pictures
 
 # What both sets lack of a hull IoU of 1 may be so many times what the worse lacks alone, and LOSS
 # more.
@@ -122,9 +122,7 @@ def _take_part(
 ) -> Part:
     place = {view.view: i for i, view in enumerate(views)}
     at = [place[view] for view in attempt.cameras.views]
-    shown = None
-    if pictures is not None:
-        shown = np.stack([np.asarray(pictures[v].convert("RGB")) for v in attempt.cameras.views])
+    shown = None if pictures is None else stack_pictures(pictures, attempt.cameras.views)
     return Part(attempt, tuple(views[i] for i in at), silhouettes[at], shown)
 
 
