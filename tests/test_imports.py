@@ -18,7 +18,7 @@ FLOORS = (  # from the lowest
     {"softras"},
     {"geometry"},
     {"silhouettes", "cameras", "shapes", "texture"},
-    {"scene", "synthetic", "training"},
+    {"scene", "synthetic", "training", "relief"},
     {"fitting", "evaluation"},
     {"report"},
     {"planning"},
