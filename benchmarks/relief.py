@@ -1,0 +1,145 @@
+r"""What photo-consistency adds to a fit, on objects whose truth is known: a table, or JSON.
+
+    python benchmarks/relief.py --scans ../shared/data/scans --json relief.json
+
+Of each case (``rendered.py`` says how one is written) 36 photographs are rendered with exact masks
+and cameras, the stages hull and fast fit a mesh to them, and the photographs refine it, judged by
+those of them that were kept out. Compared with the truth are the hull of the full silhouettes (256
+samples a side), the fit, and what the photographs make of it. ``limit`` is the volume IoU of the
+truth with everything filled that no view sees into: no method can know better. ``decided`` is what
+the workflow would take, whose chamfer must not be above the fit's by more than 1 %.
+"""
+
+import argparse
+import json
+import resource
+import time
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import igl
+import numpy as np
+import torch
+import trimesh
+from rendered import Case, Fitted, prepare
+
+from silmesh.evaluation.ground_truth import compare_to_truth
+from silmesh.geometry.camera import Cameras
+from silmesh.geometry.mesh_files import to_tensors
+from silmesh.geometry.silhouette_iou import silhouette_iou
+from silmesh.geometry.visual_hull import carve
+from silmesh.relief.refinement import STANDINGS, refine
+from silmesh.settings.fit import FastFit
+
+CASES = (
+    "blue_cup@10+60",
+    "blue_cup@10+40",
+    "shampoo@10+60",
+    "shampoo@10+40",
+    "bear:pattern@10+40",
+    "bear:plain@10+40",
+    "bowl:plain@10+60",
+    "pot:gloss@10+40",
+    "bottle:gloss@10+40",
+)
+RESOLUTION = 256  # samples of the hull, a side
+SAMPLES = 100_000  # points of the box about the truth by which the limit is found
+COLUMNS = ("limit", "hull_volume", "fit_volume", "relief_volume", "to_hull", "to_fit", "iou_fit",
+           "iou_relief", "outline", "photographs", "guess", "seconds", "peak_mb")  # fmt: skip
+
+
+def find_limit(truth: trimesh.Trimesh, cameras: Cameras) -> float:
+    """Volume IoU of the truth with the truth and all that no camera sees into."""
+    rng = np.random.default_rng(0)
+    points = rng.uniform(*truth.bounds, (SAMPLES, 3))
+    verts, faces = np.asarray(truth.vertices, float), np.asarray(truth.faces, np.int64)
+    inside = np.abs(igl.fast_winding_number(verts, faces, points)) > 0.5
+    hidden = np.flatnonzero(~inside)
+    for eye in cameras.centres.numpy():
+        hidden = hidden[truth.ray.intersects_any(points[hidden], eye - points[hidden])]
+    return float(inside.sum() / (inside.sum() + len(hidden)))
+
+
+def measure(case: Case, given: argparse.Namespace, folder: Path) -> dict[str, Any]:
+    """A row of the table, and what else was found."""
+    fitted = prepare(case, given.size, given.working, folder, given.scans)
+    started = time.perf_counter()
+    relief = refine(
+        fitted.mesh, fitted.originals, fitted.silhouettes, fitted.cameras, seed=given.seed
+    )
+    seconds = time.perf_counter() - started
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    mesh = trimesh.Trimesh(relief.verts, relief.faces, process=False)
+    if given.meshes:
+        write(given.meshes, case, fitted, mesh)
+    hull = trimesh.Trimesh(*carve(fitted.full, fitted.placed, RESOLUTION).surface(), process=False)
+    bodies = {"hull": hull, "fit": fitted.mesh, "relief": mesh}
+    compared = {name: compare_to_truth(body, fitted.truth) for name, body in bodies.items()}
+    chamfer = {name: figures["chamfer"] for name, figures in compared.items()}
+    shares = np.bincount(relief.standing, minlength=len(STANDINGS)) / len(relief.standing)
+    return {
+        "limit": find_limit(fitted.truth, fitted.placed),
+        **{f"{name}_volume": compared[name]["volume_iou"] for name in bodies},
+        "to_hull": chamfer["relief"] / chamfer["hull"],
+        "to_fit": chamfer["relief"] / chamfer["fit"],
+        "iou_fit": measure_iou(fitted, fitted.mesh),
+        "iou_relief": measure_iou(fitted, mesh),
+        **dict(zip(STANDINGS, shares.tolist(), strict=True)),
+        "seconds": seconds,
+        "peak_mb": peak,
+        "vertices": len(mesh.vertices),
+        "compared": compared,
+        "notes": relief.notes,
+    }
+
+
+def measure_iou(fitted: Fitted, mesh: trimesh.Trimesh) -> float:
+    """Mean IoU with the silhouettes of the working images."""
+    sigma = FastFit().sigma_at(fitted.silhouettes.shape[-1])
+    seen = silhouette_iou(*to_tensors(mesh), fitted.cameras, fitted.silhouettes, sigma)
+    return float(seen.mean())
+
+
+def write(folder: Path, case: Case, fitted: Fitted, mesh: trimesh.Trimesh) -> None:
+    """Write the three meshes, to be looked at."""
+    folder.mkdir(parents=True, exist_ok=True)
+    bodies = {"truth": fitted.truth, "fit": fitted.mesh, "relief": mesh}
+    for kind, body in bodies.items():
+        body.export(folder / f"{name_file(case)}-{kind}.ply")
+
+
+def name_file(case: Case) -> str:
+    """A case as a file's name."""
+    return str(case).replace(":", "-")
+
+
+def main() -> None:
+    """Print a row a case."""
+    args = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    args.add_argument("cases", nargs="*", default=CASES, help="OBJECT[:PAINT][@RING+RING]")
+    args.add_argument("--scans", type=Path, default=Path("../shared/data/scans"))
+    args.add_argument("--size", type=int, default=1024, help="of the photographs, in pixels")
+    args.add_argument("--working", type=int, default=256, help="of the working images")
+    args.add_argument("--threads", type=int, default=2)
+    args.add_argument("--seed", type=int, default=0)
+    args.add_argument("--keep", type=Path, help="folder of photographs and fits, kept for later")
+    args.add_argument("--meshes", type=Path, help="folder to write meshes to")
+    args.add_argument("--json", type=Path, help="file to write")
+    given = args.parse_args()
+    torch.set_num_threads(given.threads)
+    print(f"{'':24}" + "".join(f"{column:>14}" for column in COLUMNS))
+    rows = {}
+    with TemporaryDirectory() as scratch:
+        for case in map(Case.parse, given.cases):
+            folder = (given.keep or Path(scratch)) / f"{name_file(case)}-{given.size}"
+            rows[str(case)] = row = measure(case, given, folder)
+            print(f"{case!s:24}" + "".join(f"{row[c]:14.3f}" for c in COLUMNS), flush=True)
+    if given.json:
+        given.json.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
