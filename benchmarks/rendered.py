@@ -6,7 +6,7 @@ scan's file without its ending (``blue_cup``). Paints:
     own      its texture, or the made-up object's colours without their gloss
     pattern  random detail at several lengths, as of printed paper
     plain    one colour
-    gloss    the made-up object's colours in a studio whose lamps stand by the camera, with highlights
+    gloss    the made-up object's colours in a studio whose lamps stand by the camera: highlights
 
 All but ``gloss`` are Lambertian in a light that is mild and still. Each pixel is the mean of RAYS x
 RAYS rays; its mask is what one ray through its centre meets.

@@ -21,6 +21,7 @@ __all__ = [
     "initial_mesh",
     "read_photographs",
     "reconstruct",
+    "refine",
 ]
 
 

@@ -6,3 +6,4 @@ from silmesh.api import fit as fit
 from silmesh.api import initial_mesh as initial_mesh
 from silmesh.api import read_photographs as read_photographs
 from silmesh.api import reconstruct as reconstruct
+from silmesh.api import refine as refine

@@ -11,6 +11,7 @@ Stages follow one another:
     scene = silmesh.find_cameras(photographs, found)
     initial = silmesh.initial_mesh(scene)
     fitted = silmesh.fit(initial, scene)
+    fitted = silmesh.refine(fitted, scene, photographs)
     mesh, metrics = silmesh.colour(fitted, scene), silmesh.evaluate(fitted, scene, initial)
 
 World   of a scene: normalised, y up, the object in the sphere of radius 0.5 about the origin; of
@@ -36,6 +37,7 @@ from silmesh.errors import InputError, name_some
 from silmesh.evaluation import metrics
 from silmesh.fitting.fit import Fitted
 from silmesh.fitting.loop import Record
+from silmesh.fitting.photometric import refine_by_photographs
 from silmesh.fitting.robust_fit import fit_robustly
 from silmesh.fitting.trial import trial_with
 from silmesh.geometry.camera import INITIAL_SCALE, OBJECT_RADIUS, Cameras
@@ -56,7 +58,7 @@ from silmesh.scene.judged import judge_scene
 from silmesh.scene.scene import Scene
 from silmesh.settings.cameras import Calibrate, Colmap
 from silmesh.settings.check import check
-from silmesh.settings.fit import Fit, SoftRasFit
+from silmesh.settings.fit import FastFit, Fit, SoftRasFit, is_photometric, name_fit
 from silmesh.settings.init import Init
 from silmesh.settings.quality import Quality
 from silmesh.settings.silhouettes import FOREGROUND_MODELS, Networks, check_source
@@ -167,6 +169,7 @@ def reconstruct(
     init: str = HULL,
     preset: str = "fast",
     quality: str = "auto",
+    photometric: str | bool | None = None,
     truth: trimesh.Trimesh | str | Path | None = None,
     settings: Mapping[str, Mapping[str, Any]] | None = None,
     progress: Callable[[str, float], None] = lambda stage, share: None,
@@ -190,6 +193,8 @@ def reconstruct(
         init: shape of the initial mesh, or a function of your own
         preset: of the fit, ``fast`` or ``softras``, or a function of your own
         quality: what is done with outliers: ``auto``, ``keep``, ``drop`` or ``repair``
+        photometric: ``auto`` moves the surface to where the photographs agree, if that is better;
+            False does not; ``auto`` with the preset ``fast`` if not given, others never have it
         truth: the true mesh, or its file, in the frame of the cameras; metrics compare with it
         settings: more of the configuration by its sections, as ``{"fit": {"iterations": 300}}``
         progress: is told each stage's name and which share of it is done
@@ -198,7 +203,7 @@ def reconstruct(
         InputError: what is given cannot be used, or no cameras agree with the silhouettes
     """
     named = {"views": {"size": size}, "init": {"shape": init}}
-    named |= {"fit": {"preset": preset}, "quality": {"policy": quality}}
+    named |= {"fit": name_fit(preset, photometric), "quality": {"policy": quality}}
     sections = _check_sections(settings or {}, named)
     known = _read_truth(truth)  # before the work
     beside = [path for path in (masks, cameras) if isinstance(path, str | Path)]
@@ -221,6 +226,8 @@ def reconstruct(
     )
     initial = initial_mesh(scene, **sections["init"], progress=_tell(progress, "initial mesh"))
     fitted = fit(initial, scene, **sections["fit"], progress=_tell(progress, "fit"))
+    if is_photometric(fitted.settings):
+        fitted = refine(fitted, scene, shown, progress=_tell(progress, "relief"))
     return Reconstruction(
         colour(fitted, scene),
         fitted.cameras,
@@ -411,6 +418,41 @@ def fit(
 
 
 @checked
+def refine(
+    fitted: Fitted, scene: Scene, photographs: Photographs, *, progress: Share = untold
+) -> Fitted:
+    """Move a fitted surface to where the photographs agree, if some that are kept out confirm it.
+
+    Args:
+        scene: that it was fitted to
+        photographs: that the scene was made of, read again at their own size
+        progress: is told which share is done
+    Returns:
+        the same with another ``mesh``, or with the same; with ``relief``, what was found, and
+        ``standing``, what each vertex stands on
+
+    Raises:
+        InputError: the fit is not of the preset ``fast``
+    """
+    _refuse_other_views(fitted, scene)
+    if not isinstance(fitted.settings, FastFit):
+        raise InputError(
+            f"fitted: is of the preset {fitted.settings.preset!r}; photographs have a say only "
+            "after 'fast'"
+        )
+    found = refine_by_photographs(
+        fitted.mesh,
+        fitted.cameras,
+        scene,
+        photographs.views,
+        fitted.settings,
+        fitted.notes,
+        progress,
+    )
+    return replace(fitted, mesh=found.mesh, relief=found.notes, standing=found.standing)
+
+
+@checked
 def evaluate(
     fitted: Fitted,
     scene: Scene,
@@ -443,6 +485,7 @@ def evaluate(
         fitted.notes,
         truth=known,
         align=estimated,
+        relief=fitted.relief,
     )
 
 

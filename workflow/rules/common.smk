@@ -215,8 +215,34 @@ def fit_inputs(wildcards):
 
 
 def fit_settings(wildcards):
-    """Those of a run's fit."""
-    return settings(plan.run(wildcards.object, wildcards.variant).settings.fit)
+    """Those of a run's fit, whatever follows on it."""
+    fit = plan.run(wildcards.object, wildcards.variant).settings.fit
+    return fit.model_dump_json(exclude={"photometric"})
+
+
+def variants_with(photometric):
+    """A pattern of the variants whose photographs have a say in the mesh, or of all others."""
+    names = [
+        name
+        for name, variant in plan.config.variants.items()
+        if is_photometric(variant.fit) == photometric
+    ]
+    return "|".join(names) or "(?!)"
+
+
+def relief_inputs(wildcards, *kinds):
+    """What is known of a mesh in which photographs have a say; nothing of another."""
+    w, files = wildcards, {"relief": "relief.json", "standing": "standing.npy"}
+    if not is_photometric(plan.run(w.object, w.variant).settings.fit):
+        return {}
+    return {kind: f"results/{w.object}/{w.variant}/{files[kind]}" for kind in kinds}
+
+
+def relief_argument(kind):
+    """The argument that names a file of ``relief_inputs``, if it is one of the inputs."""
+    return lambda w, input: (
+        f"--{kind} {quote(input.get(kind))}" if input.get(kind) else ""
+    )
 
 
 def evaluate_inputs(wildcards):
@@ -227,6 +253,7 @@ def evaluate_inputs(wildcards):
         "scene": run.folder("judged"),
         "initial": f"{run.folder('initial')}/init.json",
         "truth": f"results/{wildcards.object}/stages/truth.ply" if truth else [],
+        **relief_inputs(wildcards, "relief"),
     }
 
 
@@ -338,6 +365,8 @@ def stages_of(run):
         "metrics": f"evaluate/{object_}-{run.variant}",
         "pictures": f"picture/{object_}-{run.variant}",
     }
+    if is_photometric(run.settings.fit):
+        files["photo-consistency"] = f"relief/{object_}-{run.variant}"
     return {stage: f"logs/{file}.tsv" for stage, file in files.items()}
 
 

@@ -19,6 +19,7 @@ rule evaluate:
     params:
         settings=fit_settings,
         truth=truth_arguments,
+        relief=relief_argument("relief"),
         code=code_digest("silmesh.steps.evaluate"),
     message:
         "{wildcards.object}/{wildcards.variant}: evaluating"
@@ -26,5 +27,5 @@ rule evaluate:
         "python -m silmesh.steps evaluate --mesh {input.mesh:q} --cameras {input.cameras:q}"
         " --loss {input.loss:q} --scene {input.scene:q} --initial {input.initial:q}"
         " --notes {input.notes:q}"
-        " {params.truth} --settings {params.settings:q}"
+        " {params.truth} {params.relief} --settings {params.settings:q}"
         " --threads {threads} --output {output:q} 2> {log:q}"

@@ -40,6 +40,7 @@ rule figure:
 
 rule picture:
     input:
+        unpack(lambda w: relief_inputs(w, "standing")),
         mesh="results/{object}/{variant}/mesh.obj",
         cameras="results/{object}/{variant}/cameras.json",
         initial=lambda w: fit_inputs(w)["initial"],
@@ -71,13 +72,14 @@ rule picture:
         "logs/picture/{object}-{variant}.tsv"
     params:
         settings=fit_settings,
+        standing=relief_argument("standing"),
         code=code_digest("silmesh.steps.picture"),
     message:
         "{wildcards.object}/{wildcards.variant}: drawing the mesh beside its photographs"
     shell:
         "python -m silmesh.steps picture --mesh {input.mesh:q} --initial {input.initial:q}"
         " --cameras {input.cameras:q} --scene {input.scene:q}"
-        " --settings {params.settings:q}"
+        " --settings {params.settings:q} {params.standing}"
         " --output {output.picture:q} --gif {output.gif:q} --mp4 {output.mp4:q}"
         " --exhibit {output.exhibit:q} 2> {log:q}"
 

@@ -25,6 +25,8 @@ SECONDS = {
     "judge": (1.0, 0.1),
     "initial": (2.0, 0.01),
     "fit": (4.0, 0.04),
+    "fit_outlines": (4.0, 0.04),
+    "relief": (4.0, 1.0),
     "colour": (1.0, 0.005),
     "evaluate": (1.0, 0.005),
     "fetch_weights": (20.0, 0.0),

@@ -172,6 +172,12 @@ def main() -> None:
     show_default=True,
     help="What is done with photographs whose outline the others contradict.",
 )
+@click.option(
+    "--photometric",
+    type=click.Choice(["auto", "none"]),
+    help="Hollows that no outline shows, from photographs that agree: tried by the preset fast "
+    "unless it is none, and taken if photographs that were kept out confirm it.",
+)
 @click.option("--cores", type=click.IntRange(1), default=os.cpu_count(), help="Default: all.")
 @click.option(
     "--keep",

@@ -40,6 +40,7 @@ from silmesh.naming import name_views
 from silmesh.own_code import own_file
 from silmesh.planning.datasets import usable
 from silmesh.scene.diagnosis import MEASURED, describe_masks
+from silmesh.settings.fit import name_fit
 from silmesh.silhouettes.mask import refuse_labels
 from silmesh.silhouettes.weights import CACHE
 
@@ -51,6 +52,7 @@ RESULTS = ("mesh.glb", "mesh.obj", "metrics.json")
 FILE = "file"  # the source of cameras that a path follows
 MASK = "mask"  # the source of silhouettes that are files
 TAKING_SETS = (None, "calibrate", "auto")  # sources of cameras; None where they are chosen
+PHOTOMETRIC = {None: None, "auto": "auto", "none": False}  # words of the command
 BEFORE_CAMERAS = ("", "views", "fetch_weights", "silhouettes")  # other cameras do not mend these
 
 
@@ -77,7 +79,7 @@ def make_mesh(
         masks: their folder; None where they are not given
         silhouettes, cameras: sources; None where they are to be chosen
         options: of the configuration: ``turntable``, ``sets``, ``size``, ``init``, ``preset``,
-            ``quality``
+            ``quality``, ``photometric``
 
     Raises:
         InputError: what is named cannot be used
@@ -129,6 +131,8 @@ def _say_outcome(
     _say(*describe_repairs(metrics))
     for stage in ("first", "fit"):
         _say(*metrics[stage]["warnings"])
+    if relief := metrics.get("relief"):
+        _say(relief["said"])
     doubts = find_doubts(metrics, work.folder / "results", tried, unread)
     click.echo(describe(output, metrics, doubts))
     _say(*(f"doubtful: {doubt}" for doubt in doubts))
@@ -344,6 +348,7 @@ def _configure(
     where = f"{kind}:{usable(file.absolute())}" if file else cameras
     variant = kind if kind.isidentifier() else "mesh"
     init, preset = _from_anywhere(options["init"]), _from_anywhere(options["preset"])
+    photometric = PHOTOMETRIC[options["photometric"]]
     row = {
         "silhouettes": _from_anywhere(silhouettes),
         "cameras": where,
@@ -353,7 +358,7 @@ def _configure(
     values = {
         "views": {"size": options["size"]},
         "quality": {"policy": options["quality"]},
-        "variants": {variant: {"init": {"shape": init}, "fit": {"preset": preset}}},
+        "variants": {variant: {"init": {"shape": init}, "fit": name_fit(preset, photometric)}},
     }
     return variant, row, values
 

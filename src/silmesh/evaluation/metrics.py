@@ -26,6 +26,7 @@ def evaluate(
     silhouettes: str | None = None,
     truth: trimesh.Trimesh | None = None,
     align: bool = False,
+    relief: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Measure a fitted mesh: IoU with its silhouettes, and in 3D where a truth is given.
 
@@ -41,6 +42,7 @@ def evaluate(
         silhouettes: where they lie, as the metrics say it
         truth: the true mesh, in the cameras' world
         align: register the mesh with the truth first
+        relief: ``relief.json``, where photographs were to have a say in the mesh
     Returns:
         the metrics, for JSON: ``docs/metrics.md`` says what each is
     """
@@ -67,6 +69,9 @@ def evaluate(
         metrics["init_iou_mean"] = initial.get("iou_mean")
     if fit is not None:
         metrics["fit"] = dict(fit)
+    if relief is not None:
+        metrics["surface"] = dict(relief["surface"])
+        metrics["relief"] = {key: value for key, value in relief.items() if key != "surface"}
     metrics["iou"] = dict(zip(cameras.views, iou.tolist(), strict=True))
     return metrics
 

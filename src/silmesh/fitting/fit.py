@@ -34,6 +34,9 @@ class Fitted:
         settings: by which it was fitted
         notes: mean IoU of the start and of the end with what counts of the silhouettes, the views
             of which not all counts, and what a person should know, in sentences
+        relief: after photographs had a say: what came of it, as ``relief.json`` says it
+        standing: [verts] uint8, then: what each vertex stands on, 0 outlines, 1 photographs, 2 a
+            guess
     """
 
     mesh: trimesh.Trimesh
@@ -41,6 +44,8 @@ class Fitted:
     records: Sequence[Record]
     settings: Fit
     notes: Mapping[str, Any] = field(default_factory=dict)
+    relief: Mapping[str, Any] | None = None
+    standing: np.ndarray | None = None
 
     def warning(self, what: str) -> "Fitted":
         """The same with another warning among its notes."""

@@ -11,11 +11,13 @@ import torch
 import trimesh
 
 from silmesh.geometry.camera import INITIAL_SCALE, Cameras, Similarity
+from silmesh.geometry.mesh_files import to_linear
 from silmesh.report.outlines import outline_path
 from silmesh.report.packing import encode_glb, pack
 from silmesh.report.rings import frusta_of, look_ahead
 from silmesh.softras.batches import render_views
 
+STANDING = np.array([[86, 180, 233], [0, 158, 115], [230, 159, 0]])  # outline, photographs, guess
 DIGITS = 3  # decimals of the cameras' positions, in units of the normalised world
 
 
@@ -26,6 +28,8 @@ def describe_exhibit(
     cameras: Cameras,
     similarity: Similarity,
     sigma: float,
+    *,
+    standing: np.ndarray | None = None,
 ) -> dict[str, Any]:
     """What the page needs of a fit.
 
@@ -36,8 +40,10 @@ def describe_exhibit(
         cameras: of the mesh's world
         similarity: from that world to the normalised one
         sigma: softness of the rendering, as in the fit
+        standing: [verts] what each vertex stands on, where that is known
     Returns:
-        ``fitted`` and ``first``: packed GLB; ``outlines``: a path for each view; ``up`` and
+        ``fitted`` and ``first``: packed GLB; ``standing``: the fitted mesh coloured by what it stands
+        on, or None; ``outlines``: a path for each view; ``up`` and
         ``ahead``: unit vectors, where the first camera looks level; ``cameras``: ``views``,
         ``apexes`` and ``corners`` of their frusta
     """
@@ -46,6 +52,7 @@ def describe_exhibit(
     return {
         "fitted": pack(encode_glb(place, mesh.faces, colours)),
         "first": pack(encode_glb(np.asarray(initial.vertices) / INITIAL_SCALE, initial.faces)),
+        "standing": _show_standing(place, mesh.faces, standing),
         "outlines": dict(zip(cameras.views, _outlines(mesh, cameras, sigma), strict=True)),
         "up": up.tolist(),
         "ahead": look_ahead(cameras, up).tolist(),
@@ -55,6 +62,13 @@ def describe_exhibit(
             "corners": frusta.corners.round(DIGITS).tolist(),
         },
     }
+
+
+def _show_standing(place: np.ndarray, faces: np.ndarray, standing: np.ndarray | None) -> str | None:
+    """A packed mesh in the colours of what its vertices stand on, unless that is one thing."""
+    if standing is None or len(np.unique(standing)) < 2:
+        return None
+    return pack(encode_glb(place, faces, to_linear(STANDING[standing])))
 
 
 def _outlines(mesh: trimesh.Trimesh, cameras: Cameras, sigma: float) -> list[str]:

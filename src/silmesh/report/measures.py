@@ -141,3 +141,11 @@ def is_incoherent(values: Mapping[str, Any]) -> bool:
     """Whether the hull fills the silhouettes so badly that the cameras must contradict them."""
     hull = values.get("hull_iou_mean")
     return hull is not None and not hull >= COHERENT
+
+
+def describe_relief(metrics: Mapping[str, Any]) -> str:
+    """What the photographs have changed of a mesh, and what it stands on; "" if not tried."""
+    if "relief" not in metrics:
+        return ""
+    shares = (f"{share:.0%} {what}" for what, share in metrics["surface"].items())
+    return f"{metrics['relief']['said']} (it stands on: {', '.join(shares)})"

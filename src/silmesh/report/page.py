@@ -29,6 +29,7 @@ from silmesh.report.measures import (
     METRICS,
     OVERVIEW,
     TRUTH,
+    describe_relief,
     is_incoherent,
     show,
 )
@@ -220,6 +221,8 @@ def _describe_run(variant: str, result: Result, order: Sequence[str]) -> dict[st
         "cameras": metrics.get("cameras"),
         "fitted": result.exhibit["fitted"],
         "initial_mesh": result.exhibit["first"],
+        "standing": result.exhibit.get("standing"),
+        "relief": describe_relief(metrics),
         "gallery": result.gallery,
     }
 

@@ -32,6 +32,7 @@ Renderer = Literal[RENDERERS] | OwnCode
 Options = Annotated[
     dict[str, bool | int | float | str], "names, each with a number, words, true or false"
 ]
+Photometric = Annotated[Literal["auto", False], "'auto' or false"]
 SOFTNESS = 0.03  # pixels: the root of sigma where it is `auto`
 
 
@@ -108,6 +109,11 @@ class FastFit(_Fit):
     judge_views: Truth = Field(
         True, description="views and parts of silhouettes that the others contradict do not count"
     )
+    photometric: Photometric = Field(
+        False,
+        description="auto: afterwards the surface moves to where the photographs agree, if some "
+        "that were kept out agree that it is better; the command's default",
+    )
 
 
 class OwnFit(SoftRasFit):
@@ -122,6 +128,22 @@ FITS = {  # by the preset, whose procedure is the module of its name in fitting
     "fast": FastFit,
 }
 OWN = "own"  # what is none of these is of
+
+
+def name_fit(preset: str, photometric: str | bool | None = None) -> dict[str, Any]:
+    """What a person says of a fit, as keys of the configuration.
+
+    Args:
+        photometric: ``auto`` if not given, where the preset has it
+    """
+    if photometric is None:
+        return {"preset": preset, **({"photometric": AUTO} if preset == "fast" else {})}
+    return {"preset": preset, "photometric": photometric}
+
+
+def is_photometric(fit: _Fit) -> bool:
+    """Whether photographs have a say in the mesh after a fit, if they agree."""
+    return bool(getattr(fit, "photometric", False))
 
 
 def refuse_clash(fit: _Fit) -> None:

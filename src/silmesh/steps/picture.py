@@ -4,6 +4,8 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
+
 from silmesh.files import replacing
 from silmesh.geometry.camera import read_cameras
 from silmesh.geometry.mesh_files import read_mesh, to_linear
@@ -24,6 +26,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--initial", type=Path, required=True, help="its initial mesh")
     args.add_argument("--cameras", type=Path, required=True, help="cameras.json of its world")
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
+    args.add_argument("--standing", type=Path, help="standing.npy, if photographs had a say")
     add_settings(args, Fit, of="its fit")
     args.add_argument("--output", type=output_file, required=True, help="PNG to write")
     args.add_argument("--gif", type=output_file, required=True, help="turntable to write")
@@ -50,7 +53,10 @@ def main(argv: Sequence[str] | None = None) -> None:
     colours = to_linear(mesh.visual.vertex_colors[:, :3])
     initial = read_mesh(given.initial)
     sigma = given.settings.sigma_at(silhouettes.shape[-1])
-    exhibit = describe_exhibit(mesh, colours, initial, cameras, similarity, sigma)
+    standing = np.load(given.standing) if given.standing else None
+    exhibit = describe_exhibit(
+        mesh, colours, initial, cameras, similarity, sigma, standing=standing
+    )
     with replacing(given.exhibit) as part:
         part.write_text(json.dumps(exhibit) + "\n", encoding="utf-8")
 

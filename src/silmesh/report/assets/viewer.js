@@ -2,6 +2,8 @@
 // y, with the first camera towards z, whatever the world that the cameras came in.
 "use strict";
 
+const SHOWN = { first: "initial mesh", fitted: "fitted mesh", standing: "by what it stands on" };
+
 silmesh.hasWebGL = () => !!document.createElement("canvas").getContext("webgl2");
 
 silmesh.Viewer = class {
@@ -107,7 +109,7 @@ silmesh.Viewer = class {
     return new THREE.Spherical().setFromVector3(offset);
   }
 
-  // What a choice, "<run> <fitted, first or truth>", shows: a scene, made once for each look.
+  // What a choice, "<run> <fitted, first, standing or truth>", shows: a scene, made once for each look.
   async pane(choice) {
     const [run, what] = choice.split(" ");
     const shown = this.data.runs[run];
@@ -131,7 +133,7 @@ silmesh.Viewer = class {
       return light;
     });
     const faces = geometry.shape.index.count / 3;
-    const name = what === "truth" ? "the truth" : `${shown.variant}, ${what === "first" ? "initial mesh" : "fitted mesh"}`;
+    const name = what === "truth" ? "the truth" : `${shown.variant}, ${SHOWN[what]}`;
     return { scene, lights, says: `${name}: ${faces.toLocaleString("en")} triangles` };
   }
 
