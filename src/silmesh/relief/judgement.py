@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import trimesh
+from scipy.ndimage import minimum_filter
 
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.mesh_files import to_tensors
@@ -111,7 +112,10 @@ def compare(
     """
     blocks = [_pick(originals, silhouettes, i) for i in held]
     hits = [[_meet(body, block) for block in blocks] for body in (old, new)]
-    seen = [_predict(body, hit, blocks, originals, used) for body, hit in zip((old, new), hits)]
+    seen = [
+        _predict(body, hit, blocks, originals, used)
+        for body, hit in zip((old, new), hits, strict=True)
+    ]
     scale, errors, correlations, moved = old.scale, ([], []), ([], []), []
     for i, block in enumerate(blocks):
         both = np.isfinite(seen[0][i][:, 0]) & np.isfinite(seen[1][i][:, 0])
@@ -141,7 +145,6 @@ class _Blocks:
         eye: [3] of its camera
         rays: [n, 3] through the pixels, a block's BLOCK * BLOCK pixels after one another
         colours: [n, 3] as it shows them, 0 to 255
-        forward: [3] from the camera
     """
 
     eye: np.ndarray
@@ -175,8 +178,6 @@ def _vary(originals: Originals, silhouettes: np.ndarray, i: int) -> float:
 
 def _shrink(inside: np.ndarray) -> np.ndarray:
     """The pixels of a silhouette that have a block's width of it on all sides."""
-    from scipy.ndimage import minimum_filter
-
     return minimum_filter(inside, size=2 * BLOCK + 1, mode="constant")
 
 

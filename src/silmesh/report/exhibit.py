@@ -42,10 +42,10 @@ def describe_exhibit(
         sigma: softness of the rendering, as in the fit
         standing: [verts] what each vertex stands on, where that is known
     Returns:
-        ``fitted`` and ``first``: packed GLB; ``standing``: the fitted mesh coloured by what it stands
-        on, or None; ``outlines``: a path for each view; ``up`` and
-        ``ahead``: unit vectors, where the first camera looks level; ``cameras``: ``views``,
-        ``apexes`` and ``corners`` of their frusta
+        ``fitted`` and ``first``: packed GLB; ``standing``: the fitted mesh coloured by what it
+        stands on, or None; ``outlines``: a path for each view; ``up`` and ``ahead``: unit vectors,
+        where the first camera looks level; ``cameras``: ``views``, ``apexes`` and ``corners`` of
+        their frusta
     """
     place = similarity.apply(torch.tensor(np.asarray(mesh.vertices))).numpy()
     frusta, up = frusta_of(cameras.in_world_of(similarity)), cameras.up.numpy()

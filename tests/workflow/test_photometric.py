@@ -1,0 +1,53 @@
+"""A fit after which photographs are asked: what is made, what is said, what runs again."""
+
+import json
+
+import numpy as np
+import pytest
+
+pytestmark = pytest.mark.slow
+VARIANT = """\
+  asked:
+    init: {shape: sphere, vertices: 60, align: bbox}
+    fit: {preset: fast, iterations: 3, photometric: auto}
+"""
+MADE = "results/cup/asked/metrics.json"
+
+
+@pytest.fixture
+def asked(fresh):
+    with open(fresh / "config/config.yaml", "a") as config:
+        config.write(VARIANT)
+    return fresh
+
+
+def test_four_photographs_leave_the_mesh_as_it_is(asked):
+    said = asked.run(MADE)
+    assert "the surface stays as the outlines have it: of 4 photographs" in said
+    made = asked / "results/cup/asked"
+    assert (made / "mesh.ply").read_bytes() == (made / "outlines.ply").read_bytes()
+    assert not np.load(made / "standing.npy").any()
+    metrics = json.loads((made / "metrics.json").read_text())
+    assert metrics["surface"] == {"outline": 1, "photographs": 0, "guess": 0}
+    assert metrics["relief"]["taken"] is False
+    assert not asked.outdated(MADE)
+    asked.edit("config/config.yaml", "photometric: auto", "photometric: false")
+    assert asked.outdated(MADE) == {"fit cup/asked", "evaluate cup/asked"}
+
+
+def test_another_photograph_asks_again(asked):
+    asked.run(MADE)
+    photograph = asked / "photos/png2/cup/cup_r90.png"
+    photograph.write_bytes((asked / "photos/png2/cup/cup_r0.png").read_bytes() + b"\\0")
+    assert "relief cup/asked" in asked.outdated(MADE)
+
+
+def test_no_photographs_are_asked_elsewhere(fresh):
+    fresh.edit(
+        "config/config.yaml",
+        "align: none}\n    fit: {preset: softras,",
+        "align: none}\n    fit: {preset: softras, photometric: auto,",
+    )
+    status, said = fresh.snakemake("-n")
+    assert status
+    assert "fit.photometric: unknown key" in said
