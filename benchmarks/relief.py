@@ -4,16 +4,18 @@ r"""What photo-consistency adds to a fit, on objects whose truth is known: a tab
 
 Of each case (``rendered.py`` says how one is written) 36 photographs are rendered with exact masks
 and cameras, the stages hull and fast fit a mesh to them, and the photographs refine it, judged by
-those of them that were kept out. Compared with the truth are the hull of the full silhouettes (256
+those of them that are kept out. Compared with the truth are the hull of the full silhouettes (256
 samples a side), the fit, and what the photographs make of it. ``limit`` is the volume IoU of the
-truth with everything filled that no view sees into: no method can know better. ``decided`` is what
-the workflow would take, whose chamfer must not be above the fit's by more than 1 %.
+truth with everything filled that no view sees into: no method can know better. ``to_hull`` and
+``to_fit`` are ratios of chamfer distances; ``decided`` is the latter for what is taken, which is the
+fit if the photographs that are kept out do not confirm the refined mesh.
 """
 
 import argparse
 import json
 import resource
 import time
+from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -29,7 +31,8 @@ from silmesh.geometry.camera import Cameras
 from silmesh.geometry.mesh_files import to_tensors
 from silmesh.geometry.silhouette_iou import silhouette_iou
 from silmesh.geometry.visual_hull import carve
-from silmesh.relief.refinement import STANDINGS, refine
+from silmesh.relief.judgement import refine_if_better
+from silmesh.relief.refinement import STANDINGS, Relief, refine
 from silmesh.settings.fit import FastFit
 
 CASES = (
@@ -45,8 +48,10 @@ CASES = (
 )
 RESOLUTION = 256  # samples of the hull, a side
 SAMPLES = 100_000  # points of the box about the truth by which the limit is found
-COLUMNS = ("limit", "hull_volume", "fit_volume", "relief_volume", "to_hull", "to_fit", "iou_fit",
-           "iou_relief", "outline", "photographs", "guess", "seconds", "peak_mb")  # fmt: skip
+COLUMNS = (
+    *("limit", "hull_volume", "fit_volume", "relief_volume", "to_hull", "to_fit", "decided"),
+    *("iou_fit", "iou_relief", *STANDINGS, "seconds", "cpu_seconds", "peak_mb"),
+)
 
 
 def find_limit(truth: trimesh.Trimesh, cameras: Cameras) -> float:
@@ -61,37 +66,70 @@ def find_limit(truth: trimesh.Trimesh, cameras: Cameras) -> float:
     return float(inside.sum() / (inside.sum() + len(hidden)))
 
 
+@dataclass
+class Timed:
+    """The refinement, which keeps what it made and what that took, whatever is decided then."""
+
+    relief: Relief | None = None
+    took: dict[str, float] = field(default_factory=dict)
+
+    def __call__(self, *given: Any) -> Relief:
+        """As ``refine``."""
+        started, worked = time.perf_counter(), time.process_time()
+        self.relief = refine(*given)
+        self.took = {
+            "seconds": time.perf_counter() - started,
+            "cpu_seconds": time.process_time() - worked,
+            "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
+        }
+        return self.relief
+
+
 def measure(case: Case, given: argparse.Namespace, folder: Path) -> dict[str, Any]:
     """A row of the table, and what else was found."""
     fitted = prepare(case, given.size, given.working, folder, given.scans)
-    started = time.perf_counter()
-    relief = refine(
-        fitted.mesh, fitted.originals, fitted.silhouettes, fitted.cameras, seed=given.seed
+    timed, sigma = Timed(), FastFit().sigma_at(given.working)
+    judged = refine_if_better(
+        fitted.mesh,
+        fitted.originals,
+        fitted.silhouettes,
+        fitted.cameras,
+        sigma,
+        seed=given.seed,
+        by=timed,
     )
-    seconds = time.perf_counter() - started
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    mesh = trimesh.Trimesh(relief.verts, relief.faces, process=False)
+    if not timed.relief:  # nothing was tried
+        timed.relief = Relief(judged.mesh.vertices, judged.mesh.faces, judged.standing, False, {})
+    mesh = trimesh.Trimesh(timed.relief.verts, timed.relief.faces, process=False)
     if given.meshes:
-        write(given.meshes, case, fitted, mesh)
-    hull = trimesh.Trimesh(*carve(fitted.full, fitted.placed, RESOLUTION).surface(), process=False)
-    bodies = {"hull": hull, "fit": fitted.mesh, "relief": mesh}
-    compared = {name: compare_to_truth(body, fitted.truth) for name, body in bodies.items()}
+        write(given.meshes, case, fitted, mesh, timed.relief.standing)
+    compared = compare(fitted, mesh)
     chamfer = {name: figures["chamfer"] for name, figures in compared.items()}
-    shares = np.bincount(relief.standing, minlength=len(STANDINGS)) / len(relief.standing)
+    standing = timed.relief.standing
+    shares = np.bincount(standing, minlength=len(STANDINGS)) / len(standing)
+    to_fit = chamfer["relief"] / chamfer["fit"]
     return {
         "limit": find_limit(fitted.truth, fitted.placed),
-        **{f"{name}_volume": compared[name]["volume_iou"] for name in bodies},
+        **{f"{name}_volume": figures["volume_iou"] for name, figures in compared.items()},
         "to_hull": chamfer["relief"] / chamfer["hull"],
-        "to_fit": chamfer["relief"] / chamfer["fit"],
+        "to_fit": to_fit,
+        "decided": to_fit if judged.notes["taken"] else 1.0,
         "iou_fit": measure_iou(fitted, fitted.mesh),
         "iou_relief": measure_iou(fitted, mesh),
         **dict(zip(STANDINGS, shares.tolist(), strict=True)),
-        "seconds": seconds,
-        "peak_mb": peak,
+        **dict.fromkeys(("seconds", "cpu_seconds", "peak_mb"), 0.0),
+        **timed.took,
         "vertices": len(mesh.vertices),
         "compared": compared,
-        "notes": relief.notes,
+        "notes": judged.notes,
     }
+
+
+def compare(fitted: Fitted, mesh: trimesh.Trimesh) -> dict[str, dict[str, Any]]:
+    """The hull, the fit and the refined mesh against the truth."""
+    hull = trimesh.Trimesh(*carve(fitted.full, fitted.placed, RESOLUTION).surface(), process=False)
+    bodies = {"hull": hull, "fit": fitted.mesh, "relief": mesh}
+    return {name: compare_to_truth(body, fitted.truth) for name, body in bodies.items()}
 
 
 def measure_iou(fitted: Fitted, mesh: trimesh.Trimesh) -> float:
@@ -101,9 +139,12 @@ def measure_iou(fitted: Fitted, mesh: trimesh.Trimesh) -> float:
     return float(seen.mean())
 
 
-def write(folder: Path, case: Case, fitted: Fitted, mesh: trimesh.Trimesh) -> None:
-    """Write the three meshes, to be looked at."""
+def write(
+    folder: Path, case: Case, fitted: Fitted, mesh: trimesh.Trimesh, standing: np.ndarray
+) -> None:
+    """Write the three meshes and what the refined one stands on, to be looked at."""
     folder.mkdir(parents=True, exist_ok=True)
+    np.save(folder / f"{name_file(case)}-standing.npy", standing)
     bodies = {"truth": fitted.truth, "fit": fitted.mesh, "relief": mesh}
     for kind, body in bodies.items():
         body.export(folder / f"{name_file(case)}-{kind}.ply")
