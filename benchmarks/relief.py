@@ -7,8 +7,8 @@ and cameras, the stages hull and fast fit a mesh to them, and the photographs re
 those of them that are kept out. Compared with the truth are the hull of the full silhouettes (256
 samples a side), the fit, and what the photographs make of it. ``limit`` is the volume IoU of the
 truth with everything filled that no view sees into: no method can know better. ``to_hull`` and
-``to_fit`` are ratios of chamfer distances; ``decided`` is the latter for what is taken, which is the
-fit if the photographs that are kept out do not confirm the refined mesh.
+``to_fit`` are ratios of chamfer distances; ``decided`` is the latter for what is taken: the fit, if
+the photographs that are kept out do not confirm the refined mesh.
 """
 
 import argparse

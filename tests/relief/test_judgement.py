@@ -143,7 +143,7 @@ def test_flat_photographs_are_not_tried(tmp_path: Path) -> None:
 
 def test_a_true_surface_predicts_what_is_photographed(dented: Scene) -> None:
     """Only what is between the pixels is lost, where views see it as squarely."""
-    held, used = [5, 11], [i for i in range(VIEWS) if i not in (5, 11)]
+    held, used = [1, 17], [i for i in range(VIEWS) if i not in (1, 17)]  # they see the dent
     true, wrong = make_ball(0.15), make_ball(0.0)
     seen = compare(wrong, true, dented.originals, dented.silhouettes, held, used)
     again = compare(wrong, true, dented.originals, dented.silhouettes, held, used)
