@@ -24,6 +24,7 @@ import igl
 import numpy as np
 import torch
 import trimesh
+from relief_sheet import draw_sheet
 from rendered import Case, Fitted, prepare
 
 from silmesh.evaluation.ground_truth import compare_to_truth
@@ -142,12 +143,12 @@ def measure_iou(fitted: Fitted, mesh: trimesh.Trimesh) -> float:
 def write(
     folder: Path, case: Case, fitted: Fitted, mesh: trimesh.Trimesh, standing: np.ndarray
 ) -> None:
-    """Write the three meshes and what the refined one stands on, to be looked at."""
+    """Write the three meshes and a picture of them, to be looked at."""
     folder.mkdir(parents=True, exist_ok=True)
-    np.save(folder / f"{name_file(case)}-standing.npy", standing)
     bodies = {"truth": fitted.truth, "fit": fitted.mesh, "relief": mesh}
     for kind, body in bodies.items():
         body.export(folder / f"{name_file(case)}-{kind}.ply")
+    draw_sheet(fitted, mesh, standing).save(folder / f"{name_file(case)}.png", optimize=True)
 
 
 def name_file(case: Case) -> str:
@@ -167,7 +168,7 @@ def main() -> None:
     args.add_argument("--threads", type=int, default=2)
     args.add_argument("--seed", type=int, default=0)
     args.add_argument("--keep", type=Path, help="folder of photographs and fits, kept for later")
-    args.add_argument("--meshes", type=Path, help="folder to write meshes to")
+    args.add_argument("--meshes", type=Path, help="folder to write meshes and pictures of them to")
     args.add_argument("--json", type=Path, help="file to write")
     given = args.parse_args()
     torch.set_num_threads(given.threads)
