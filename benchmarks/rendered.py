@@ -39,6 +39,7 @@ LIGHT, AMBIENT = np.array([0.4, 0.8, 0.45]), 0.7  # towards a lamp in the world;
 PLAIN = (0.62, 0.6, 0.57)
 BLACK = 0.02  # of the screen: the ground behind the object
 VIEWS = 36
+UP = {"blue_cup": 2}  # the axis that is up in a scan's file, where it is not y
 
 Paint = Callable[[np.ndarray], np.ndarray]  # points [n, 3] to colour and shine [n, 4]
 
@@ -113,7 +114,7 @@ def make_truth(name: str, scans: Path) -> trimesh.Trimesh:
         return make_object(name)
     if name in SOLIDS:
         return stand_upright(mesh_solid(SOLIDS[name], *BOX, 0.008))
-    return stand_upright(read_scan(scans / f"{name}.glb"))
+    return stand_upright(read_scan(scans / f"{name}.glb"), UP.get(name, 1))
 
 
 def two_rings(rings: tuple[float, ...], size: int, views: int = VIEWS) -> Cameras:
