@@ -48,6 +48,7 @@ CASES = (
     "bottle:gloss@10+40",
 )
 RESOLUTION = 256  # samples of the hull, a side
+MARGIN = 0.25  # of the truth's size: how much wider the box is
 SAMPLES = 100_000  # points of the box about the truth by which the limit is found
 COLUMNS = (
     *("limit", "hull_volume", "fit_volume", "relief_volume", "to_hull", "to_fit", "decided"),
@@ -58,7 +59,8 @@ COLUMNS = (
 def find_limit(truth: trimesh.Trimesh, cameras: Cameras) -> float:
     """Volume IoU of the truth with the truth and all that no camera sees into."""
     rng = np.random.default_rng(0)
-    points = rng.uniform(*truth.bounds, (SAMPLES, 3))
+    around = MARGIN * truth.extents.max() * np.array([[-1], [1]])  # below it no view sees all
+    points = rng.uniform(*(truth.bounds + around), (SAMPLES, 3))
     verts, faces = np.asarray(truth.vertices, float), np.asarray(truth.faces, np.int64)
     inside = np.abs(igl.fast_winding_number(verts, faces, points)) > 0.5
     hidden = np.flatnonzero(~inside)
@@ -88,7 +90,7 @@ class Timed:
 
 def measure(case: Case, given: argparse.Namespace, folder: Path) -> dict[str, Any]:
     """A row of the table, and what else was found."""
-    fitted = prepare(case, given.size, given.working, folder, given.scans)
+    fitted = prepare(case, given.size, given.working, folder, given.scans, given.steps)
     timed, sigma = Timed(), FastFit().sigma_at(given.working)
     judged = refine_if_better(
         fitted.mesh,
@@ -165,6 +167,7 @@ def main() -> None:
     args.add_argument("--scans", type=Path, default=Path("../shared/data/scans"))
     args.add_argument("--size", type=int, default=1024, help="of the photographs, in pixels")
     args.add_argument("--working", type=int, default=256, help="of the working images")
+    args.add_argument("--steps", type=int, default=600, help="of the fit at most")
     args.add_argument("--threads", type=int, default=2)
     args.add_argument("--seed", type=int, default=0)
     args.add_argument("--keep", type=Path, help="folder of photographs and fits, kept for later")

@@ -215,22 +215,25 @@ def _texture(truth: trimesh.Trimesh) -> Callable:
     return colour
 
 
-def prepare(case: Case, size: int, working: int, folder: Path, scans: Path) -> Fitted:
+def prepare(
+    case: Case, size: int, working: int, folder: Path, scans: Path, steps: int = 600
+) -> Fitted:
     """Photographs of a case and what the stages make of them; what the folder has is not redone.
 
     Args:
         size: of the photographs, in pixels
         working: of the working images
         folder: of this case and these sizes
+        steps: of the fit at most; few for a quick look
     """
     truth, placed = make_truth(case.name, scans), two_rings(case.rings, size)
     full = take(case, truth, placed, folder)
     shown = silmesh.read_photographs(folder / "photos", size=working)
     found = silmesh.find_silhouettes(shown, folder / "masks")
     scene = silmesh.find_cameras(shown, found, folder / "cameras.json")
-    kept, cameras = folder / f"fit-{working}.npz", folder / f"fit-{working}.json"
+    kept, cameras = (folder / f"fit-{working}-{steps}.{kind}" for kind in ("npz", "json"))
     if not kept.exists():
-        fitted = silmesh.fit(silmesh.initial_mesh(scene), scene)
+        fitted = silmesh.fit(silmesh.initial_mesh(scene), scene, iterations=steps)
         np.savez(kept, verts=fitted.mesh.vertices, faces=fitted.mesh.faces)
         write_cameras(cameras, fitted.cameras)
     with np.load(kept) as saved:
