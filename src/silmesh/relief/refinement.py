@@ -1,18 +1,30 @@
 """The fitted surface, moved to where the photographs agree: hollows that no outline shows."""
 
+import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 import trimesh
+from scipy.ndimage import binary_erosion
 
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.originals import Originals
-from silmesh.progress import Share, untold
+from silmesh.progress import Share, untold, within
+from silmesh.relief.depths import Depths, cast_rays, confirm, find_neighbours, sweep
+from silmesh.relief.free_space import Grid, fuse, measure, settle
+from silmesh.relief.outlines import PUT_BACK, cover, strike
+from silmesh.relief.sights import Sights, look
+from silmesh.relief.surface import GUESS, OUTLINE, PHOTOGRAPHS, STANDINGS, extract, judge_standing
 
-OUTLINE, PHOTOGRAPHS, GUESS = 0, 1, 2  # what a vertex stands on
-STANDINGS = ("outline", "photographs", "guess")  # their names, in this order
+LONGEST = 400  # pixels of the object in the finer of the two sizes that depths are found at
+COARSE, FINE = 4, 1  # passes over the rows at each size
+RESOLUTION = 144  # voxels along the longest side
+STRIKES = 4  # most rounds in which depths that contradict silhouettes are struck
+FEW = 0.02  # share of the pixels that see the mesh: fewer depths say too little
+INNER = 2  # pixels within a silhouette from which on nothing may be missing
+MOVED = 0.5  # voxels by which some vertex has to move for the surface to be another
 
 
 @dataclass(frozen=True)
@@ -55,6 +67,78 @@ def refine(
         seed: of the random guesses; the same seed gives the same surface
         progress: is told which share is done
     """
-    standing = np.full(len(mesh.vertices), OUTLINE, np.uint8)
-    notes = {"changed": False, "reason": "no depths were looked for"}
-    return Relief(np.asarray(mesh.vertices), np.asarray(mesh.faces), standing, False, notes)
+    started = time.monotonic()
+    views = list(range(len(cameras)) if kept is None else kept)
+    masks, believed = silhouettes[views], cameras.select(views)
+    sights = look(originals, silhouettes, cameras, views, LONGEST)
+    found, votes, share = find_depths(mesh, sights, seed, within(progress, 0, 0.8))
+    grid = Grid.over(mesh, RESOLUTION)
+    bound = measure(mesh, grid)
+    notes = {"views": len(views), "depths": round(share, 4)}
+    if share < FEW:
+        close = np.zeros(grid.shape, np.float32)
+        reason = f"photographs agree on {share:.1%} of what they see of it, less than {FEW:.0%}"
+        surface = None
+    else:
+        solved = solve(sights, found, votes, bound, grid, masks, believed)
+        close, surface = solved.close, solved.surface
+        notes |= solved.notes
+    changed = surface is not None
+    surface = surface if changed else mesh
+    standing = judge_standing(np.asarray(surface.vertices), close, grid, masks, believed)
+    shares = np.bincount(standing, minlength=3) / len(standing)
+    notes |= {name: round(float(s), 4) for name, s in zip(STANDINGS, shares, strict=True)}
+    notes |= {"changed": changed, "seconds": round(time.monotonic() - started, 2)}
+    notes |= {} if changed else {"reason": reason}
+    progress(1.0)
+    return Relief(np.asarray(surface.vertices), np.asarray(surface.faces), standing, changed, notes)
+
+
+def find_depths(
+    mesh: trimesh.Trimesh, sights: Sights, seed: int, progress: Share
+) -> tuple[Depths, np.ndarray, float]:
+    """Depths at half the size and then the whole, the views that confirm each, and their share."""
+    neighbours = find_neighbours(sights)
+    half = sights.halved()
+    found = sweep(half, cast_rays(mesh, half), neighbours, COARSE, seed)
+    progress(0.5)
+    rays = cast_rays(mesh, sights)
+    found = sweep(sights, rays, neighbours, FINE, seed, found)
+    votes = confirm(sights, found, neighbours)
+    progress(1.0)
+    return found, votes, float((votes > 0).sum() / max(1, (rays.front > 0).sum()))
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A surface that depths and silhouettes agree on."""
+
+    surface: trimesh.Trimesh
+    close: np.ndarray
+    notes: dict[str, Any] = field(default_factory=dict)
+
+
+def solve(
+    sights: Sights,
+    found: Depths,
+    votes: np.ndarray,
+    bound: np.ndarray,
+    grid: Grid,
+    masks: np.ndarray,
+    cameras: Cameras,
+) -> Solved:
+    """Fuse the depths that do not contradict the silhouettes."""
+    inner = np.stack([binary_erosion(mask, iterations=INNER) for mask in masks])
+    struck = 0
+    for _ in range(STRIKES):
+        weight, mean, close = fuse(sights, found, votes, bound, grid)
+        solid = settle(bound, weight, mean)
+        missing, lost, _ = cover(solid, bound, grid, inner, cameras)
+        gone = strike(votes, found, sights, missing, grid) if lost else 0
+        struck += gone
+        if not gone:
+            break
+    missing, _, _ = cover(solid, bound, grid, masks, cameras)
+    solid[missing] = np.maximum(solid[missing], PUT_BACK)
+    notes = {"struck": struck, "put_back": int(missing.sum())}
+    return Solved(extract(solid, grid), close, notes)
