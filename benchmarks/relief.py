@@ -33,7 +33,8 @@ from silmesh.geometry.mesh_files import to_tensors
 from silmesh.geometry.silhouette_iou import silhouette_iou
 from silmesh.geometry.visual_hull import carve
 from silmesh.relief.judgement import refine_if_better
-from silmesh.relief.refinement import STANDINGS, Relief, refine
+from silmesh.relief.refinement import Relief, refine
+from silmesh.relief.surface import STANDINGS
 from silmesh.settings.fit import FastFit
 
 CASES = (

@@ -13,7 +13,8 @@ from silmesh.cameras.turntable import orbit_cameras
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.originals import Originals
 from silmesh.relief.judgement import compare, refine_if_better
-from silmesh.relief.refinement import PHOTOGRAPHS, Relief
+from silmesh.relief.refinement import Relief
+from silmesh.relief.surface import PHOTOGRAPHS
 from silmesh.views import write_views
 
 VIEWS, SIZE, WORKING = 18, 128, 64
@@ -108,7 +109,8 @@ def test_a_dent_of_another_depth_is_refused(dented: Scene, dent: float) -> None:
     found = judge(dented, old, make_ball(dent))
     assert not found.notes["taken"]
     assert found.mesh is old
-    assert found.notes["surface"] == {"outline": 1, "photographs": 0, "guess": 0}
+    assert found.notes["surface"]["photographs"] == 0
+    assert found.notes["surface"]["guess"] < 0.5  # no outline shows the poles and the dent
 
 
 def test_a_surface_that_leaves_the_outlines_is_refused(dented: Scene) -> None:

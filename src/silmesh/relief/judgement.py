@@ -22,7 +22,9 @@ from silmesh.geometry.originals import Originals
 from silmesh.geometry.silhouette_iou import silhouette_iou
 from silmesh.geometry.undistortion import sample
 from silmesh.progress import Share, untold
-from silmesh.relief.refinement import OUTLINE, STANDINGS, Relief, refine
+from silmesh.relief.free_space import Grid
+from silmesh.relief.refinement import Relief, refine
+from silmesh.relief.surface import STANDINGS, judge_standing
 
 HELD = 6  # every so many-th photograph is kept out
 FEWEST = 8  # photographs: of fewer too few are left to agree
@@ -76,22 +78,23 @@ def refine_if_better(
     """
     started = time.perf_counter()
     views = list(range(len(cameras)) if kept is None else kept)
+    before = _stand(mesh, silhouettes, cameras, views)
     if doubt := _find_doubt(originals, silhouettes, views):
-        return _stay(mesh, doubt)
+        return _stay(mesh, before, doubt, {}, started)
     held = views[HELD - 1 :: HELD]
     used = [view for view in views if view not in held]
     relief = by(mesh, originals, silhouettes, cameras, used, seed, progress)
     notes = {"held_out": [cameras.views[i] for i in held], "refinement": relief.notes}
     if not relief.changed:
-        return _stay(mesh, str(relief.notes["reason"]), notes, started)
+        return _stay(mesh, before, str(relief.notes["reason"]), notes, started)
     refined = _as_written(relief)
-    told = silhouettes, sigma, frames
-    iou = _compare(lambda body: _measure_iou(body, cameras, *told), mesh, refined)
+    told = cameras, silhouettes, sigma, frames
+    iou = _pair(_measure_iou(mesh, *told), _measure_iou(refined, *told))
     seen = compare(mesh, refined, originals, silhouettes, held, used)
     notes |= {"iou": iou, **seen}
     why, better = _decide(iou, seen)
     if not better:
-        return _stay(mesh, why, notes, started)
+        return _stay(mesh, before, why, notes, started)
     return Judged(refined, relief.standing, _describe(True, why, relief.standing, notes, started))
 
 
@@ -287,10 +290,6 @@ def _pair(before: Any, after: Any) -> dict[str, Any]:
     return {"before": before, "after": after}
 
 
-def _compare(measure: Callable[[trimesh.Trimesh], float], old: Any, new: Any) -> dict[str, float]:
-    return _pair(measure(old), measure(new))
-
-
 def _measure_iou(
     mesh: trimesh.Trimesh,
     cameras: Cameras,
@@ -325,23 +324,29 @@ def _as_written(relief: Relief) -> trimesh.Trimesh:
     return trimesh.Trimesh(single, relief.faces, process=False)
 
 
+def _stand(
+    mesh: trimesh.Trimesh, silhouettes: np.ndarray, cameras: Cameras, views: Sequence[int]
+) -> np.ndarray:
+    """What the vertices stand on before photographs have a say: an outline, or nothing."""
+    grid = Grid.over(mesh, 2)
+    unseen = np.zeros(grid.shape, np.float32)
+    shown = silhouettes[list(views)], cameras.select(list(views))
+    return judge_standing(np.asarray(mesh.vertices), unseen, grid, *shown)
+
+
 def _stay(
-    mesh: trimesh.Trimesh,
-    why: str,
-    notes: dict[str, Any] | None = None,
-    started: float | None = None,
+    mesh: trimesh.Trimesh, standing: np.ndarray, why: str, notes: dict[str, Any], started: float
 ) -> Judged:
-    standing = np.full(len(mesh.vertices), OUTLINE, np.uint8)
-    return Judged(mesh, standing, _describe(False, why, standing, notes or {}, started))
+    return Judged(mesh, standing, _describe(False, why, standing, notes, started))
 
 
 def _describe(
-    taken: bool, why: str, standing: np.ndarray, notes: dict[str, Any], started: float | None
+    taken: bool, why: str, standing: np.ndarray, notes: dict[str, Any], started: float
 ) -> dict[str, Any]:
     shares = np.bincount(standing, minlength=len(STANDINGS)) / max(len(standing), 1)
-    took = {} if started is None else {"seconds": round(time.perf_counter() - started, 2)}
     surface = dict(zip(STANDINGS, shares.tolist(), strict=True))
     said = f"the surface stays as the outlines have it: {why}"
     if taken:
         said = f"the photographs move {surface['photographs']:.0%} of the surface: {why}"
-    return {"surface": surface, "taken": taken, "because": why, "said": said, **notes, **took}
+    told = {"surface": surface, "taken": taken, "because": why, "said": said, **notes}
+    return told | {"seconds": round(time.perf_counter() - started, 2)}
