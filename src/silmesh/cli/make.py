@@ -127,12 +127,12 @@ def _say_outcome(
         unread: how many photographs are in formats that are not read
     """
     metrics = _read(work, variant)
+    if relief := metrics.get("relief"):
+        _say(relief["said"])
     _say(*(_as_written(warning, tried[-1]) for warning in metrics["cameras"]["warnings"]))
     _say(*describe_repairs(metrics))
     for stage in ("first", "fit"):
         _say(*metrics[stage]["warnings"])
-    if relief := metrics.get("relief"):
-        _say(relief["said"])
     doubts = find_doubts(metrics, work.folder / "results", tried, unread)
     click.echo(describe(output, metrics, doubts))
     _say(*(f"doubtful: {doubt}" for doubt in doubts))
