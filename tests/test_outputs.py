@@ -255,6 +255,8 @@ COMMANDS = {
     "fit": f"--initial first.ply --scene judged {FIT}"
     " --threads 1 --checkpoint state.pt --meshes mesh.ply --cameras fitted.json --loss loss.csv"
     " --notes fit.json",
+    "relief": f"--mesh mesh.ply --cameras fitted.json --scene judged --views views --fit fit.json"
+    f" {FIT} --threads 1 --output refined.ply --standing standing.npy --notes relief.json",
     "colour": "--mesh mesh.ply --cameras fitted.json --scene judged --meshes mesh.obj mesh.glb",
     "evaluate": "--mesh mesh.ply --cameras fitted.json --loss loss.csv --scene judged --initial"
     f" init.json --notes fit.json {FIT} --threads 1 --results . --output metrics.json",
