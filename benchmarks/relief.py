@@ -40,6 +40,8 @@ from silmesh.settings.fit import FastFit
 CASES = (
     "blue_cup@10+60",
     "blue_cup@10+40",
+    "blue_cup:pattern@10+60",
+    "blue_cup:pattern@10+40",
     "shampoo@10+60",
     "shampoo@10+40",
     "bear:pattern@10+40",

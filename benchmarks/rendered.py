@@ -8,7 +8,8 @@ scan's file without its ending (``blue_cup``). Paints:
     plain    one colour
     gloss    the made-up object's colours in a studio whose lamps stand by the camera: highlights
 
-All but ``gloss`` are Lambertian in a light that is mild and still. Each pixel is the mean of RAYS x
+The texture of ``blue_cup`` is one colour: ``blue_cup`` shows how its shading alone does, and
+``blue_cup:pattern`` what a hollow needs. All but ``gloss`` are Lambertian in a light that is mild and still. Each pixel is the mean of RAYS x
 RAYS rays; its mask is what one ray through its centre meets.
 """
 
@@ -154,11 +155,11 @@ def _photograph(case: Case, truth: trimesh.Trimesh, cameras: Cameras):
     for i in range(len(cameras)):
         camera = camera_of(cameras, i)
         mask = trace(truth, camera).mask
-        yield _shade(truth, camera, mask, colour, np.random.default_rng(i)), mask
+        yield _shade(truth, camera, mask, colour), mask
 
 
 def _shade(
-    truth: trimesh.Trimesh, camera: Camera, mask: np.ndarray, colour: Callable, rng
+    truth: trimesh.Trimesh, camera: Camera, mask: np.ndarray, colour: Callable
 ) -> np.ndarray:
     """The photograph of a Lambertian object: [size, size, 3] uint8."""
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
@@ -172,8 +173,7 @@ def _shade(
     whole = np.full((camera.size, camera.size, 3), BLACK)
     height, width = min(side, camera.size - top), min(side, camera.size - left)
     whole[top : top + height, left : left + width] = small[:height, :width]
-    noise = rng.normal(0, 1.0, whole.shape)  # grey levels, of a sensor
-    return (255 * whole + noise).round().clip(0, 255).astype(np.uint8)
+    return (255 * whole).round().clip(0, 255).astype(np.uint8)
 
 
 def _light(truth: trimesh.Trimesh, hits) -> np.ndarray:
