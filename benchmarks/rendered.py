@@ -9,8 +9,9 @@ scan's file without its ending (``blue_cup``). Paints:
     gloss    the made-up object's colours in a studio whose lamps stand by the camera: highlights
 
 The texture of ``blue_cup`` is one colour: ``blue_cup`` shows how its shading alone does, and
-``blue_cup:pattern`` what a hollow needs. All but ``gloss`` are Lambertian in a light that is mild and still. Each pixel is the mean of RAYS x
-RAYS rays; its mask is what one ray through its centre meets.
+``blue_cup:pattern`` what a hollow needs. All but ``gloss`` are Lambertian in a light that is mild
+and still. Each pixel is the mean of RAYS x RAYS rays; its mask is what one ray through its centre
+meets.
 """
 
 from collections.abc import Callable
