@@ -30,9 +30,11 @@ RANDOM = 4  # planes that a pixel first tries beside the mesh's
 STEEPEST = 0.17  # cosine of the greatest angle between a plane's normal and its ray
 MARGIN = 0.01  # of the object's size: so far before the mesh the surface may be
 SURE = 0.985  # cross-correlation from which a plane is not changed at random any more
-ALIKE = 0.55  # cross-correlation from which a depth counts
-TEXTURE = 2.5  # grey levels: standard deviation of a window from which a depth counts
+ALIKE = 0.7  # cross-correlation from which a depth counts
+TEXTURE = 4.0  # grey levels: standard deviation of a window from which a depth counts
 CONFIRMED = 2  # other views that have to find the same depth
+SPECK = 0.01  # share of a silhouette: a smaller patch of depths is an accident
+STEP = 3.0  # pixels by which depths of neighbouring pixels of a patch differ at most
 NEAR = 1.5  # pixels by which their points may differ
 WINDOW = ((2 * RADIUS + 1) ** 2 + 1) // 2  # pixels of a window
 
@@ -314,7 +316,10 @@ def confirm(sights: Sights, found: Depths, neighbours: list[np.ndarray]) -> np.n
 
     def judge(i: int) -> None:
         pair = _pair(sights, i, neighbours[i])
-        _confirm(sights.images[i], sights.masks[i], found.depth, found.score, i, _inverse(sights.K[i]), pair, votes[i])
+        seen = sights.images[i], sights.masks[i], found.depth, found.score
+        _confirm(*seen, i, _inverse(sights.K[i]), pair, votes[i])
+        least = int(SPECK * sights.masks[i].sum())
+        _drop_specks(votes[i], found.depth[i], STEP * np.linalg.inv(sights.K[i])[0, 0], least)
 
     with ThreadPoolExecutor(torch.get_num_threads()) as pool:
         list(pool.map(judge, range(len(votes))))
@@ -349,8 +354,40 @@ def _confirm(image, mask, depths, scores, view, back, pair, votes):
                 other = depths[pair.views[k], i, j]
                 if other <= 0 or scores[pair.views[k], i, j] < ALIKE:
                     continue
-                # a step of one pixel there, as long as one across the line of sight
-                if abs(other - p2) * back[0, 0] < NEAR * 2 * back[0, 0] * back[0, 0] * z:
+                if abs(other - p2) < 2 * NEAR * back[0, 0] * z:  # twice as far as across
                     count += 1
             if count >= CONFIRMED:
                 votes[r, c] = count
+
+
+@njit(**OPTIONS)
+def _drop_specks(votes, depth, step, least):
+    """Take the votes of patches [height, width] of fewer pixels than ``least``, in place.
+
+    Args:
+        step: by which neighbours' depths may differ, of the depth
+    """
+    height, width = votes.shape
+    seen = np.zeros(votes.shape, np.bool_)
+    queue = np.empty((height * width, 2), np.int64)
+    for r in range(height):
+        for c in range(width):
+            if seen[r, c] or not votes[r, c]:
+                continue
+            queue[0] = r, c
+            seen[r, c] = True
+            at, end = 0, 1
+            while at < end:
+                i, j = queue[at]
+                at += 1
+                for m in range(4):
+                    k, n = i + (1, -1, 0, 0)[m], j + (0, 0, 1, -1)[m]
+                    if not (0 <= k < height and 0 <= n < width) or seen[k, n]:
+                        continue
+                    if votes[k, n] and abs(depth[k, n] - depth[i, j]) < step * depth[i, j]:
+                        seen[k, n] = True
+                        queue[end] = k, n
+                        end += 1
+            if end < least:
+                for m in range(end):
+                    votes[queue[m, 0], queue[m, 1]] = 0

@@ -25,8 +25,10 @@ from silmesh.relief.sights import Sights
 BAND = 3.0  # voxels
 SAMPLES = 6  # of the mesh on the face of a voxel
 SQUARELY = 0.3  # cosine between normal and ray below which a plane's distance is not believed more
-ENOUGH = 2.0  # weight of views from which the mesh says nothing any more
+ENOUGH = 3.0  # weight of views from which the mesh says nothing any more
 MESH = 1.0  # weight of the mesh where no view speaks
+HELD = 1.0  # weight of the views that end at a place, below which a depth counts no more
+SURER = 2.0  # weight of the views that end at a place over that of those that see through it
 SMOOTH = 0.3
 ROUNDS = 30
 
@@ -75,8 +77,11 @@ def measure(mesh: trimesh.Trimesh, grid: Grid) -> np.ndarray:
     field = np.zeros(grid.shape, np.float32)
     field[near] = (-signed / (BAND * grid.spacing)).clip(-1, 1)
     parts, number = label(~near)
-    beside = binary_dilation(field > 0) & ~near
-    inner = np.bincount(parts[beside], minlength=number + 1) > 0
+    counts = [
+        np.bincount(parts[binary_dilation(side) & ~near], minlength=number + 1)
+        for side in (near & (field > 0), near & (field < 0))
+    ]
+    inner = counts[0] > counts[1]
     field[~near] = np.where(inner[parts[~near]], 1, -1)
     return field
 
@@ -146,7 +151,9 @@ def _fuse(bound, weight, mean, close, origin, spacing, P, back, R, depth, normal
                 signed = (p2 - depth[v, r, c]) * ray * max(cosine, SQUARELY) / band
                 if signed > 1:
                     continue
-                trust = (0.2 + max(cosine, 0.0)) * score[v, r, c]
+                trust = score[v, r, c]
+                if signed > -1:
+                    trust *= 0.2 + max(cosine, 0.0)
                 total += trust
                 sums += trust * max(signed, -1.0)
                 if signed > -1:
@@ -154,6 +161,47 @@ def _fuse(bound, weight, mean, close, origin, spacing, P, back, R, depth, normal
             weight[j, k] = total
             close[j, k] = at
             mean[j, k] = sums / total if total > 0 else 0.0
+
+
+def doubt(
+    votes: np.ndarray,
+    found: Depths,
+    sights: Sights,
+    weight: np.ndarray,
+    close: np.ndarray,
+    grid: Grid,
+) -> int:
+    """Take the votes of depths at places that other views see through, in place.
+
+    Returns:
+        how many lost theirs
+    """
+
+    def look_up(i: int) -> int:
+        to_grid = np.linalg.inv(sights.K[i]).T @ sights.R[i] / grid.spacing
+        eye = (sights.centres[i] - grid.origin) / grid.spacing
+        return _doubt(votes[i], found.depth[i], weight, close, eye, to_grid)
+
+    with ThreadPoolExecutor(torch.get_num_threads()) as pool:
+        return sum(pool.map(look_up, range(len(votes))))
+
+
+@njit(**OPTIONS)
+def _doubt(votes, depth, weight, close, eye, to_grid):
+    """The same for one view; ``to_grid`` takes pixels to what a depth of 1 is in the grid."""
+    height, width = depth.shape
+    gone = 0
+    for r in range(height):
+        for c in range(width):
+            if not votes[r, c]:
+                continue
+            z = depth[r, c]
+            way = (c + 0.5) * to_grid[0] + (r + 0.5) * to_grid[1] + to_grid[2]
+            i, j, k = int(eye[0] + z * way[0] + 0.5), int(eye[1] + z * way[1] + 0.5), int(eye[2] + z * way[2] + 0.5)
+            if close[i, j, k] < SURER * (weight[i, j, k] - close[i, j, k]) or close[i, j, k] < HELD:
+                votes[r, c] = 0
+                gone += 1
+    return gone
 
 
 def settle(bound: np.ndarray, weight: np.ndarray, mean: np.ndarray) -> np.ndarray:

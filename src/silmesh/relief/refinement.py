@@ -13,7 +13,7 @@ from silmesh.geometry.camera import Cameras
 from silmesh.geometry.originals import Originals
 from silmesh.progress import Share, untold, within
 from silmesh.relief.depths import Depths, cast_rays, confirm, find_neighbours, sweep
-from silmesh.relief.free_space import Grid, fuse, measure, settle
+from silmesh.relief.free_space import Grid, doubt, fuse, measure, settle
 from silmesh.relief.outlines import PUT_BACK, cover, strike
 from silmesh.relief.sights import Sights, look
 from silmesh.relief.surface import GUESS, OUTLINE, PHOTOGRAPHS, STANDINGS, extract, judge_standing
@@ -21,6 +21,7 @@ from silmesh.relief.surface import GUESS, OUTLINE, PHOTOGRAPHS, STANDINGS, extra
 LONGEST = 400  # pixels of the object in the finer of the two sizes that depths are found at
 COARSE, FINE = 4, 1  # passes over the rows at each size
 RESOLUTION = 144  # voxels along the longest side
+DOUBTS = 2  # rounds in which depths that others see through are left out
 STRIKES = 4  # most rounds in which depths that contradict silhouettes are struck
 FEW = 0.02  # share of the pixels that see the mesh: fewer depths say too little
 INNER = 2  # pixels within a silhouette from which on nothing may be missing
@@ -129,7 +130,10 @@ def solve(
 ) -> Solved:
     """Fuse the depths that do not contradict the silhouettes."""
     inner = np.stack([binary_erosion(mask, iterations=INNER) for mask in masks])
-    struck = 0
+    struck = doubted = 0
+    for _ in range(DOUBTS):
+        weight, _, close = fuse(sights, found, votes, bound, grid)
+        doubted += doubt(votes, found, sights, weight, close, grid)
     for _ in range(STRIKES):
         weight, mean, close = fuse(sights, found, votes, bound, grid)
         solid = settle(bound, weight, mean)
@@ -140,5 +144,5 @@ def solve(
             break
     missing, _, _ = cover(solid, bound, grid, masks, cameras)
     solid[missing] = np.maximum(solid[missing], PUT_BACK)
-    notes = {"struck": struck, "put_back": int(missing.sum())}
+    notes = {"doubted": doubted, "struck": struck, "put_back": int(missing.sum())}
     return Solved(extract(solid, grid), close, notes)
