@@ -140,3 +140,22 @@ def test_the_examples_of_the_docs_run(photos, tmp_path):
     mean, *fell = python(examples[1] + check, tmp_path).split()
     assert float(mean) > 0.9
     assert fell == ["True", "True"]
+
+
+def test_photographs_that_show_nothing_leave_the_surface(photos):
+    shown = silmesh.read_photographs(photos, size=SIZE)
+    scene = silmesh.find_cameras(
+        shown, silmesh.find_silhouettes(shown), KNOWN["cameras"], turntable=KNOWN["turntable"]
+    )
+    initial = silmesh.initial_mesh(scene, vertices=200)
+    fitted = silmesh.fit(initial, scene, iterations=2)
+    refined = silmesh.refine(fitted, scene, shown)
+    assert refined.mesh is fitted.mesh
+    assert "show nothing within the outlines" in refined.relief["said"]
+    metrics = silmesh.evaluate(refined, scene)
+    assert metrics["surface"]["photographs"] == 0
+    assert sum(metrics["surface"].values()) == pytest.approx(1)
+    assert len(refined.standing) == len(refined.mesh.vertices)
+    report = silmesh.fit(initial, scene, preset="softras", iterations=2)
+    with pytest.raises(InputError, match="only after 'fast'"):
+        silmesh.refine(report, scene, shown)

@@ -52,7 +52,7 @@ def describe_exhibit(
     return {
         "fitted": pack(encode_glb(place, mesh.faces, colours)),
         "first": pack(encode_glb(np.asarray(initial.vertices) / INITIAL_SCALE, initial.faces)),
-        "standing": _show_standing(place, mesh.faces, standing),
+        "standing": show_standing(place, mesh.faces, standing),
         "outlines": dict(zip(cameras.views, _outlines(mesh, cameras, sigma), strict=True)),
         "up": up.tolist(),
         "ahead": look_ahead(cameras, up).tolist(),
@@ -64,7 +64,7 @@ def describe_exhibit(
     }
 
 
-def _show_standing(place: np.ndarray, faces: np.ndarray, standing: np.ndarray | None) -> str | None:
+def show_standing(place: np.ndarray, faces: np.ndarray, standing: np.ndarray | None) -> str | None:
     """A packed mesh in the colours of what its vertices stand on, unless that is one thing."""
     if standing is None or len(np.unique(standing)) < 2:
         return None
