@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from silmesh.relief.ncc import RADIUS, carry, correlate, gather
 from silmesh.relief.depths import WINDOW
+from silmesh.relief.ncc import RADIUS, carry, correlate, gather
 
 
 @pytest.fixture
