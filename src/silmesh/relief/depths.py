@@ -19,6 +19,7 @@ import trimesh
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numba import njit
+from scipy.ndimage import uniform_filter
 
 from silmesh.relief.ncc import FLAT, OPTIONS, RADIUS, carry, correlate, gather
 from silmesh.relief.sights import Sights
@@ -146,6 +147,15 @@ def sweep(
     with ThreadPoolExecutor(torch.get_num_threads()) as pool:
         list(pool.map(search, range(shape[0])))
     return found
+
+
+def find_texture(sights: Sights) -> np.ndarray:
+    """Whether a pixel's window shows enough for a depth to count: [views, height, width] bool."""
+    size = (0, 2 * RADIUS + 1, 2 * RADIUS + 1)
+    images = sights.images.astype(np.float64)
+    mean = uniform_filter(images, size)
+    variance = uniform_filter(images**2, size) - mean**2
+    return (variance > TEXTURE**2) & sights.masks
 
 
 def _enlarge(small: Depths, found: Depths, i: int) -> None:

@@ -12,20 +12,22 @@ from scipy.ndimage import binary_erosion
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.originals import Originals
 from silmesh.progress import Share, untold, within
-from silmesh.relief.depths import Depths, cast_rays, confirm, find_neighbours, sweep
+from silmesh.relief.depths import Depths, Rays, cast_rays, confirm, find_neighbours, find_texture, sweep
 from silmesh.relief.free_space import Grid, doubt, fuse, measure, settle
 from silmesh.relief.outlines import PUT_BACK, cover, strike
+from silmesh.relief.rims import match_rims
 from silmesh.relief.sights import Sights, look
-from silmesh.relief.surface import GUESS, OUTLINE, PHOTOGRAPHS, STANDINGS, extract, judge_standing
+from silmesh.relief.surface import GUESS, OUTLINE, PHOTOGRAPHS, STANDINGS, extract, judge_standing, simplify
 
 LONGEST = 400  # pixels of the object in the finer of the two sizes that depths are found at
 COARSE, FINE = 4, 1  # passes over the rows at each size
 RESOLUTION = 144  # voxels along the longest side
 DOUBTS = 2  # rounds in which depths that others see through are left out
 STRIKES = 4  # most rounds in which depths that contradict silhouettes are struck
-FEW = 0.02  # share of the pixels that see the mesh: fewer depths say too little
+VERTICES = 16_000  # of the refined surface, if the mesh has no more
+FEW = 0.03  # share of the pixels that see the mesh: fewer depths say too little
+DENIED = 0.25  # share of those with texture, of which fewer with a depth are gloss
 INNER = 2  # pixels within a silhouette from which on nothing may be missing
-MOVED = 0.5  # voxels by which some vertex has to move for the surface to be another
 
 
 @dataclass(frozen=True)
@@ -72,18 +74,20 @@ def refine(
     views = list(range(len(cameras)) if kept is None else kept)
     masks, believed = silhouettes[views], cameras.select(views)
     sights = look(originals, silhouettes, cameras, views, LONGEST)
-    found, votes, share = find_depths(mesh, sights, seed, within(progress, 0, 0.8))
+    found, votes, rays = find_depths(mesh, sights, seed, within(progress, 0, 0.8))
+    covered = int((rays.front > 0).sum())
+    textured = int((find_texture(sights) & (rays.front > 0)).sum())
     grid = Grid.over(mesh, RESOLUTION)
     bound = measure(mesh, grid)
-    notes = {"views": len(views), "depths": round(share, 4)}
-    if share < FEW:
-        close = np.zeros(grid.shape, np.float32)
-        reason = f"photographs agree on {share:.1%} of what they see of it, less than {FEW:.0%}"
-        surface = None
-    else:
-        solved = solve(sights, found, votes, bound, grid, masks, believed)
-        close, surface = solved.close, solved.surface
-        notes |= solved.notes
+    solved = solve(sights, found, votes, bound, grid, masks, believed)
+    left = float((votes > 0).sum())
+    notes = {"views": len(views), "depths": round(left / max(1, covered), 4), **solved.notes}
+    reason = _refuse(left / max(1, covered), left / max(1, textured))
+    close = solved.close if not reason else np.zeros_like(bound)
+    surface = None
+    if not reason:
+        surface = simplify(solved.surface, max(VERTICES, len(mesh.vertices)))
+        surface = match_rims(surface, mesh, believed, masks.shape[1:])
     changed = surface is not None
     surface = surface if changed else mesh
     standing = judge_standing(np.asarray(surface.vertices), close, grid, masks, believed)
@@ -95,10 +99,22 @@ def refine(
     return Relief(np.asarray(surface.vertices), np.asarray(surface.faces), standing, changed, notes)
 
 
+def _refuse(share: float, of_textured: float) -> str:
+    """Why depths on these shares of all pixels, and of those with texture, are too few, if so."""
+    if share < FEW:
+        return f"photographs agree on {share:.1%} of the object, less than {FEW:.0%}"
+    if of_textured < DENIED:
+        return (
+            f"photographs agree on {of_textured:.0%} of what has texture, less than {DENIED:.0%}:"
+            " gloss moves over it"
+        )
+    return ""
+
+
 def find_depths(
     mesh: trimesh.Trimesh, sights: Sights, seed: int, progress: Share
-) -> tuple[Depths, np.ndarray, float]:
-    """Depths at half the size and then the whole, the views that confirm each, and their share."""
+) -> tuple[Depths, np.ndarray, Rays]:
+    """Depths at half the size and then the whole, the views that confirm each, and the rays."""
     neighbours = find_neighbours(sights)
     half = sights.halved()
     found = sweep(half, cast_rays(mesh, half), neighbours, COARSE, seed)
@@ -107,7 +123,7 @@ def find_depths(
     found = sweep(sights, rays, neighbours, FINE, seed, found)
     votes = confirm(sights, found, neighbours)
     progress(1.0)
-    return found, votes, float((votes > 0).sum() / max(1, (rays.front > 0).sum()))
+    return found, votes, rays
 
 
 @dataclass(frozen=True)

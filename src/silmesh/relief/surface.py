@@ -1,5 +1,6 @@
 """The surface of a field, and what each of its vertices stands on."""
 
+import igl
 import numpy as np
 import torch
 import trimesh
@@ -32,6 +33,16 @@ def extract(field: np.ndarray, grid: Grid) -> trimesh.Trimesh:
     used, numbered = np.unique(kept, return_inverse=True)
     world = grid.origin + (verts[used] - 1) * grid.spacing
     return trimesh.Trimesh(world, numbered.reshape(-1, 3), process=False)
+
+
+def simplify(mesh: trimesh.Trimesh, vertices: int) -> trimesh.Trimesh:
+    """The same surface with about so many vertices, by quadric errors (Garland and Heckbert 1997)."""
+    faces = 2 * (vertices - mesh.euler_number)  # V - E + F = chi and 3 F = 2 E
+    if faces >= len(mesh.faces):
+        return mesh
+    given = np.array(mesh.vertices, order="F"), np.array(mesh.faces, np.int32, order="F")
+    verts, kept, _, _ = igl.qslim(*given, faces)
+    return trimesh.Trimesh(verts, kept, process=False)
 
 
 def judge_standing(
