@@ -1,5 +1,5 @@
 # requires  a fitted mesh with its cameras, and the scene
-# makes     the mesh with colours from the photographs, in the formats that have them
+# makes     the mesh with colours of its vertices from the photographs, for variants without texture
 # runs      silmesh.steps.colour
 
 
@@ -10,6 +10,8 @@ rule colour:
         scene=lambda w: fit_inputs(w)["scene"],
     output:
         multiext("results/{object}/{variant}/mesh", ".obj", ".glb"),
+    wildcard_constraints:
+        variant=plan.variants(textured=False),
     log:
         "logs/colour/{object}-{variant}.log",
     benchmark:

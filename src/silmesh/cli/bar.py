@@ -26,6 +26,7 @@ SECONDS = {
     "initial": (2.0, 0.01),
     "fit": (4.0, 0.04),
     "colour": (1.0, 0.005),
+    "texture": (3.0, 0.15),
     "evaluate": (1.0, 0.005),
     "fetch_weights": (20.0, 0.0),
     "picture": (3.0, 0.02),

@@ -9,11 +9,14 @@ from typing import Any
 import numpy as np
 import torch
 import trimesh
+from scipy.spatial import cKDTree
 
 from silmesh.geometry.camera import INITIAL_SCALE, Cameras, Similarity
+from silmesh.geometry.textured_mesh import find_normals, picture_of
 from silmesh.report.outlines import outline_path
 from silmesh.report.packing import encode_glb, pack
 from silmesh.report.rings import frusta_of, look_ahead
+from silmesh.report.skins import encode_skin
 from silmesh.softras.batches import render_views
 
 DIGITS = 3  # decimals of the cameras' positions, in units of the normalised world
@@ -26,6 +29,7 @@ def describe_exhibit(
     cameras: Cameras,
     similarity: Similarity,
     sigma: float,
+    textured: trimesh.Trimesh | None = None,
 ) -> dict[str, Any]:
     """What the page needs of a fit.
 
@@ -36,15 +40,18 @@ def describe_exhibit(
         cameras: of the mesh's world
         similarity: from that world to the normalised one
         sigma: softness of the rendering, as in the fit
+        textured: the fitted mesh with a texture, if it has one
     Returns:
-        ``fitted`` and ``first``: packed GLB; ``outlines``: a path for each view; ``up`` and
+        ``fitted`` and ``first``: packed GLB; ``skin``: the texture of ``fitted``, to be laid on it
+        where there is room, or None; ``outlines``: a path for each view; ``up`` and
         ``ahead``: unit vectors, where the first camera looks level; ``cameras``: ``views``,
         ``apexes`` and ``corners`` of their frusta
     """
-    place = similarity.apply(torch.tensor(np.asarray(mesh.vertices))).numpy()
+    fitted = _encode_fitted(mesh, colours, similarity, textured)
     frusta, up = frusta_of(cameras.in_world_of(similarity)), cameras.up.numpy()
     return {
-        "fitted": pack(encode_glb(place, mesh.faces, colours)),
+        "fitted": pack(fitted),
+        "skin": None if textured is None else encode_skin(picture_of(textured)),
         "first": pack(encode_glb(np.asarray(initial.vertices) / INITIAL_SCALE, initial.faces)),
         "outlines": dict(zip(cameras.views, _outlines(mesh, cameras, sigma), strict=True)),
         "up": up.tolist(),
@@ -55,6 +62,29 @@ def describe_exhibit(
             "corners": frusta.corners.round(DIGITS).tolist(),
         },
     }
+
+
+def _encode_fitted(
+    mesh: trimesh.Trimesh,
+    colours: np.ndarray,
+    similarity: Similarity,
+    textured: trimesh.Trimesh | None,
+) -> bytes:
+    """The fitted mesh in the normalised world, with texture coordinates if it has a texture."""
+    if textured is None:
+        return encode_glb(_normalise(mesh, similarity), mesh.faces, colours)
+    _, same = cKDTree(mesh.vertices).query(textured.vertices)
+    return encode_glb(
+        _normalise(textured, similarity),
+        textured.faces,
+        colours[same],
+        find_normals(np.asarray(textured.vertices), textured.faces),
+        np.asarray(textured.visual.uv, float),
+    )
+
+
+def _normalise(mesh: trimesh.Trimesh, similarity: Similarity) -> np.ndarray:
+    return similarity.apply(torch.tensor(np.asarray(mesh.vertices))).numpy()
 
 
 def _outlines(mesh: trimesh.Trimesh, cameras: Cameras, sigma: float) -> list[str]:
