@@ -165,10 +165,9 @@ def _look_up(picture: np.ndarray, uv: np.ndarray) -> np.ndarray:
     """A texture's colours at texture coordinates [n, 2], bilinear: [n, 3]."""
     height, width = picture.shape[:2]
     places = [(1 - uv[:, 1]) * height - 0.5, uv[:, 0] * width - 0.5]
-    layers = [
-        map_coordinates(layer, places, float, 1, "nearest") for layer in np.moveaxis(picture, 2, 0)
-    ]
-    return np.stack(layers, axis=1)
+    layers = np.moveaxis(picture, 2, 0)
+    found = [map_coordinates(layer, places, float, order=1, mode="nearest") for layer in layers]
+    return np.stack(found, axis=1)
 
 
 def draw_edges(
