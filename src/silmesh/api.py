@@ -42,12 +42,11 @@ from silmesh.fitting.robust_fit import fit_robustly
 from silmesh.fitting.trial import trial_with
 from silmesh.geometry.camera import INITIAL_SCALE, OBJECT_RADIUS, Cameras
 from silmesh.geometry.mesh_files import read_mesh, write_coloured
+from silmesh.geometry.obj_companions import name_companions, try_companions
 from silmesh.geometry.textured_mesh import (
     encode_png,
     has_texture,
-    name_companions,
     texture_mesh,
-    try_companions,
     write_textured_glb,
     write_textured_obj,
 )

@@ -15,9 +15,9 @@ from silmesh.cli.outcome import (
 )
 from silmesh.errors import InputError
 from silmesh.geometry.mesh_files import write_coloured
+from silmesh.geometry.obj_companions import name_companions
 from silmesh.geometry.textured_mesh import (
     encode_png,
-    name_companions,
     texture_mesh,
     write_textured_glb,
     write_textured_obj,

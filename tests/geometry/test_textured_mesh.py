@@ -7,13 +7,11 @@ from PIL import Image
 from trimesh.visual.color import uv_to_interpolated_color
 
 from silmesh.errors import InputError
+from silmesh.geometry.obj_companions import copy_obj, name_companions, try_companions
 from silmesh.geometry.textured_mesh import (
-    copy_textured_obj,
     encode_png,
-    name_companions,
     read_textured,
     texture_mesh,
-    try_companions,
     write_textured_glb,
     write_textured_obj,
 )
@@ -115,7 +113,7 @@ def test_a_copy_names_its_own_files_and_is_written_over_its_like(tmp_path):
     write_obj(tmp_path / "mesh.obj", painted())
     copy = tmp_path / "out" / "chair.obj"
     for _ in range(2):
-        copy_textured_obj(tmp_path / "mesh.obj", copy)
+        copy_obj(tmp_path / "mesh.obj", copy)
     assert "mtllib chair.mtl\n" in copy.read_text()
     assert copy.with_suffix(".mtl").read_text().endswith("map_Kd chair.png\n")
     read = trimesh.load_mesh(copy, process=False)
@@ -133,6 +131,13 @@ def test_a_persons_own_file_is_not_written_over(tmp_path, suffix):
     with pytest.raises(InputError, match=f"chair{suffix}: is there already and not made by silm"):
         try_companions(tmp_path / "chair.obj")
     assert own.read_bytes() == before
+
+
+@pytest.mark.parametrize("suffix", [".png", ".mtl"])
+def test_a_link_to_nothing_is_a_persons_own(tmp_path, suffix):
+    (tmp_path / f"chair{suffix}").symlink_to("elsewhere")
+    with pytest.raises(InputError, match="is there already and not made by silmesh"):
+        try_companions(tmp_path / "chair.obj")
 
 
 def test_the_same_mesh_is_the_same_bytes(tmp_path):

@@ -26,7 +26,7 @@ from silmesh.cli.runner import RunError, Runner
 from silmesh.cli.workspace import Workspace, claim, name_links, place_of, try_workspace
 from silmesh.errors import InputError, shorten
 from silmesh.files import try_file
-from silmesh.geometry.textured_mesh import try_companions
+from silmesh.geometry.obj_companions import try_companions
 from silmesh.geometry.thresholds import CONVINCING
 from silmesh.intake.photographs import (
     describe_count,

@@ -9,7 +9,7 @@ from typing import Any
 
 from silmesh.errors import NAMED, InputError, name_some
 from silmesh.files import replacing
-from silmesh.geometry.textured_mesh import copy_textured_obj, name_companions
+from silmesh.geometry.obj_companions import copy_obj, name_companions
 from silmesh.geometry.thresholds import COHERENT
 from silmesh.naming import quote
 
@@ -215,7 +215,7 @@ def export(results: Path, output: Path, textured: bool = False) -> None:
     """
     suffix = output.suffix.lower()
     if len(name_outputs(output, textured)) > 1:
-        copy_textured_obj(results / "mesh.obj", output)
+        copy_obj(results / "mesh.obj", output)
     elif suffix in (".glb", ".obj"):
         copy(results / f"mesh{suffix}", output)
     else:

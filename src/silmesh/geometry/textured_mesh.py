@@ -5,7 +5,6 @@ texture end, texture coordinates have their origin at the lower left, as OBJ has
 picture is sRGB. Normals are those of the surface before the split, so that shading shows no seam.
 """
 
-import os
 from io import BytesIO
 from pathlib import Path
 
@@ -17,22 +16,11 @@ from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
 from silmesh.errors import InputError
-from silmesh.files import replacing, try_file
+from silmesh.files import replacing
 from silmesh.geometry.glb import Picture, assemble
+from silmesh.geometry.obj_companions import MARK, write_obj
 
 PNG = "image/png"
-MARK = "silmesh"  # in a file that was made here
-MADE = f"# {MARK}\n"  # begins an MTL that was made here
-MATERIAL = f"""\
-{MADE}newmtl texture
-Ka 1 1 1
-Kd 1 1 1
-Ks 0 0 0
-Ns 0
-illum 1
-Pr 1
-Pm 0
-map_Kd """
 
 
 def texture_mesh(
@@ -112,7 +100,7 @@ def write_textured_glb(path: Path, mesh: trimesh.Trimesh, png: bytes) -> None:
 def write_textured_obj(
     path: Path, mesh: trimesh.Trimesh, png: bytes, material: Path, image: Path
 ) -> None:
-    """Write a mesh with a texture as OBJ, after the files that it names.
+    """Write a mesh with a texture as OBJ, and the files that it names.
 
     Vertices of one place are one there, so the surface is as closed as the mesh was.
 
@@ -120,69 +108,14 @@ def write_textured_obj(
         png: of ``encode_png``
         material, image: the MTL and the PNG to write
     """
-    _write(image, png)
-    _write(material, _describe_material(material, image))
-    _write(path, _encode_obj(mesh, os.path.relpath(material, path.parent)))
+    write_obj(path, _encode_obj(mesh), png, material, image)
 
 
-def name_companions(path: Path) -> tuple[Path, Path]:
-    """The MTL and the PNG beside an OBJ."""
-    return path.with_suffix(".mtl"), path.with_suffix(".png")
+def _encode_obj(mesh: trimesh.Trimesh) -> bytes:
+    """The lines of an OBJ but for those that name files.
 
-
-def try_companions(path: Path) -> None:
-    """Try whether the MTL and the PNG of an OBJ can be written, over none that a person has there.
-
-    Raises:
-        InputError: they cannot
+    A corner of ``f`` is a place, texture coordinates and a normal, of which each place has one.
     """
-    for companion in name_companions(path):
-        try_file(companion)
-        if os.path.lexists(companion) and not _is_ours(companion):
-            raise InputError(
-                f"{companion}: is there already and not made by silmesh, and {path.name} has its "
-                f"{'texture' if companion.suffix == '.png' else 'material'} there; should be "
-                f"elsewhere, or {path.name} be called otherwise, or be a .glb, which is one file"
-            )
-
-
-def copy_textured_obj(made: Path, output: Path) -> None:
-    """Copy an OBJ that was made here, with its MTL and PNG under the names of the copy."""
-    try_companions(output)
-    (own, picture), (material, image) = name_companions(made), name_companions(output)
-    _write(image, picture.read_bytes())
-    _write(material, _describe_material(material, image))
-    named, said = _name_material(own.name), made.read_bytes()
-    _write(output, said.replace(named, _name_material(material.name), 1))
-
-
-def _write(path: Path, content: bytes) -> None:
-    with replacing(path) as part:
-        part.write_bytes(content)
-
-
-def _is_ours(companion: Path) -> bool:
-    """Whether an MTL or a PNG was made here."""
-    if companion.suffix == ".mtl":
-        with companion.open("rb") as file:
-            return file.read(len(MADE)) == MADE.encode()
-    try:
-        with Image.open(companion) as image:
-            return image.info.get("Software") == MARK
-    except OSError:  # no picture
-        return False
-
-
-def _describe_material(material: Path, image: Path) -> bytes:
-    return MATERIAL.encode() + os.fsencode(os.path.relpath(image, material.parent)) + b"\n"
-
-
-def _name_material(name: str) -> bytes:
-    return b"mtllib " + os.fsencode(name) + b"\n"
-
-
-def _encode_obj(mesh: trimesh.Trimesh, material: str) -> bytes:
-    """The lines of an OBJ: ``f`` has the places of vertices, then of texture coordinates."""
     first, place = _find_places(np.asarray(mesh.vertices))
     verts, normals = mesh.vertices[first], mesh.vertex_normals[first]
     lines = ["v {:.8g} {:.8g} {:.8g}".format(*row) for row in verts.tolist()]
@@ -190,8 +123,7 @@ def _encode_obj(mesh: trimesh.Trimesh, material: str) -> bytes:
     lines += ["vn {:.6g} {:.6g} {:.6g}".format(*row) for row in normals.tolist()]
     corners = np.stack([place[mesh.faces], mesh.faces], axis=2).reshape(-1, 6) + 1
     lines += [f"f {a}/{p}/{a} {b}/{q}/{b} {c}/{r}/{c}" for a, p, b, q, c, r in corners.tolist()]
-    head = MADE.encode() + _name_material(material) + b"usemtl texture\n"
-    return head + "\n".join(lines).encode() + b"\n"
+    return "\n".join(lines).encode() + b"\n"
 
 
 def _find_places(verts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
