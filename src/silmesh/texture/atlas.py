@@ -1,4 +1,4 @@
-"""The atlas: a mesh cut into charts and laid flat in a square, and where its texels lie on the mesh.
+"""The atlas: a mesh cut into charts, laid flat in a square, and where its texels lie on the mesh.
 
 ``xatlas`` cuts and packs. Texture coordinates have their origin at the lower left, as OBJ has them;
 a picture's first row is its upper one.

@@ -14,6 +14,7 @@ surface, paint does not. Slow colours are the mean of all views, the detail is t
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,8 +22,10 @@ import numpy as np
 import trimesh
 from numba import njit
 
+from silmesh.geometry.camera import Cameras
 from silmesh.geometry.originals import Originals
 from silmesh.progress import Share, untold
+from silmesh.texture.alignment import Alignment, take_details
 from silmesh.texture.atlas import Atlas, Texels, find_texels, unwrap
 from silmesh.texture.bands import Slow, take_slow
 from silmesh.texture.choice import choose_views
@@ -40,6 +43,7 @@ ROUNDS = 5
 SMALLEST, LARGEST, STEP = 256, 4096, 256  # sides of pictures
 SURE = 0.02  # of the best weight anywhere: texels with less lean on what is filled in
 THREADS = 2
+POINTS = 15_000  # of the surface, by which cameras are refined
 
 
 @dataclass(frozen=True)
@@ -94,6 +98,7 @@ def bake(
     size: int | None = None,
     kept: Sequence[int] | None = None,
     progress: Share = untold,
+    refine: bool = True,
 ) -> Texture:
     """Lay the photographs on a mesh.
 
@@ -104,6 +109,7 @@ def bake(
         size: side of the picture in texels; chosen by the photographs' resolution if not given
         kept: the views that are used; all if not given
         progress: is told which share is done
+        refine: whether cameras are refined where the photographs agree better for it
 
     Raises:
         InputError: a photograph can no longer be read
@@ -113,7 +119,10 @@ def bake(
     chosen = list(range(len(originals)) if kept is None else kept)
     with ThreadPoolExecutor(THREADS) as pool:
         flat = pool.submit(unwrap, verts, faces)
-        views = _look_all(pool, mesh, originals, silhouettes, chosen, progress)
+        cameras, moves = originals.cameras.select(chosen), {}
+        if refine:
+            cameras, moves = _refine(pool, mesh, originals, silhouettes, chosen)
+        views = _look_all(pool, mesh, originals, cameras, silhouettes, chosen, progress)
         atlas = flat.result()
         weights = np.stack([view.weights for view in views])
         colours = np.stack([view.colours for view in views])
@@ -130,40 +139,82 @@ def bake(
             layers.add(pool, view, photo, gain, slow, fast)
             progress(0.5 + 0.45 * (done := done + 1) / len(views))
     filled = fill_vertices(means, trust.sum(axis=0) > 0, faces)
-    return _finish(layers, atlas, verts, filled, side, gains, originals, chosen, start)
+    return _finish(layers, atlas, verts, filled, side, gains, originals, chosen, start, moves)
+
+
+def _refine(
+    pool: ThreadPoolExecutor,
+    mesh: trimesh.Trimesh,
+    originals: Originals,
+    silhouettes: np.ndarray,
+    chosen: Sequence[int],
+) -> tuple[Cameras, dict[str, Any]]:
+    """The cameras of the chosen views, refined by the photographs, and what is to be said of it."""
+    points, on = trimesh.sample.sample_surface(mesh, POINTS, seed=0)
+    lenses = _Lens(mesh, points, mesh.face_normals[on])
+    cameras = originals.cameras.select(chosen)
+
+    def take(k: int) -> Any:
+        photograph = originals.read(chosen[k])
+        outline = originals.enlarge(chosen[k], silhouettes[chosen[k]])
+        _, _, weights = lenses.weigh(cameras, k, outline, silhouettes.shape[-1])
+        return take_details(photograph, outline, weights)
+
+    return Alignment(cameras, points, list(pool.map(take, range(len(chosen))))).run()
+
+
+@dataclass(frozen=True)
+class _Lens:
+    """Points of a mesh that views are weighed at, with their normals [points, 3]."""
+
+    mesh: trimesh.Trimesh
+    points: np.ndarray
+    normals: np.ndarray
+
+    def weigh(
+        self, cameras: Cameras, k: int, outline: np.ndarray, working: int
+    ) -> tuple[Sight, np.ndarray, np.ndarray]:
+        """How well one camera sees the points: its sight, their pixels and their weights."""
+        P, eye = cameras.projections[k].numpy(), cameras.centres[k].numpy()
+        size = tuple(cameras.sizes[k].tolist())
+        verts, faces = np.asarray(self.mesh.vertices), np.asarray(self.mesh.faces, np.int64)
+        sight = look(verts, faces, P, size, outline)
+        pixels, cosine, margin = measure(sight, eye, self.points, self.normals)
+        near, far = find_edges(size, working)
+        rise = np.where(margin > near, ((margin - near) / (far - near)).clip(FAINT, 1), 0)
+        depths = self.points @ P[2, :3] + P[2, 3]
+        squared_focal = float(np.linalg.det(cameras.K[k].numpy()))
+        return sight, pixels, cosine**SQUARE * rise * squared_focal / depths**2
+
+
+def find_edges(size: tuple[int, int], working: int) -> tuple[float, float]:
+    """Distances to an outline, in pixels of a photograph, between which f rises."""
+    pixel = max(size) / working
+    return ERODE * pixel, (ERODE + FEATHER) * pixel
 
 
 def _look_all(
     pool: ThreadPoolExecutor,
     mesh: trimesh.Trimesh,
     originals: Originals,
+    cameras: Cameras,
     silhouettes: np.ndarray,
     chosen: Sequence[int],
     progress: Share,
 ) -> list[_View]:
-    verts, faces = np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
-    normals = np.asarray(mesh.vertex_normals)
-    cameras = originals.cameras
-    projections, eyes, sizes = (
-        a.numpy() for a in (cameras.projections, cameras.centres, cameras.sizes)
-    )
+    lenses = _Lens(mesh, np.asarray(mesh.vertices, float), np.asarray(mesh.vertex_normals))
 
-    def see(i: int) -> _View:
-        photograph, outline = originals.read(i), originals.enlarge(i, silhouettes[i])
-        sight = look(verts, faces, projections[i], tuple(sizes[i]), outline)
-        pixels, cosine, margin = measure(sight, eyes[i], verts, normals)
+    def see(k: int) -> _View:
+        photograph = originals.read(chosen[k])
+        outline = originals.enlarge(chosen[k], silhouettes[chosen[k]])
+        sight, pixels, weights = lenses.weigh(cameras, k, outline, silhouettes.shape[-1])
         slow = take_slow(photograph, outline)
+        edges = find_edges(tuple(cameras.sizes[k].tolist()), silhouettes.shape[-1])
         colours = sample_all(slow.image, pixels / slow.step)
-        pixel = sizes[i].max() / silhouettes.shape[-1]
-        near, far = ERODE * pixel, (ERODE + FEATHER) * pixel
-        rise = np.where(margin > near, ((margin - near) / (far - near)).clip(FAINT, 1), 0)
-        depths = verts @ projections[i][2, :3] + projections[i][2, 3]
-        focal = float(np.sqrt(np.linalg.det(cameras.K[i].numpy())))
-        weights = cosine**SQUARE * rise * (focal / depths) ** 2
-        return _View(i, sight, slow, near, far, colours, weights)
+        return _View(chosen[k], sight, slow, *edges, colours, weights)
 
     found = []
-    for view in pool.map(see, chosen):
+    for view in pool.map(see, range(len(chosen))):
         found.append(view)
         progress(0.5 * len(found) / len(chosen))
     scale = max(float(np.quantile(np.stack([v.weights for v in found]), 0.99)), 1e-12)
@@ -259,10 +310,10 @@ class _Layers:
             )
 
         edges = np.linspace(0, len(self.texels.at), 4 * THREADS + 1).astype(int)
-        list(pool.map(run, [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]))
+        list(pool.map(run, [slice(a, b) for a, b in pairwise(edges)]))
 
 
-def _finish(layers, atlas, verts, filled, side, gains, originals, chosen, start) -> Texture:
+def _finish(layers, atlas, verts, filled, side, gains, originals, chosen, start, moves) -> Texture:
     texels = layers.texels
     weight = layers.slow[:, 3:]
     under = np.einsum(
@@ -290,6 +341,7 @@ def _finish(layers, atlas, verts, filled, side, gains, originals, chosen, start)
                 originals.cameras.views[i]: [round(float(g), 3) for g in gain]
                 for i, gain in zip(chosen, gains, strict=True)
             },
+            "cameras": moves,
             "seconds": round(time.perf_counter() - start, 2),
         },
     )
