@@ -15,8 +15,8 @@ from silmesh.geometry.camera import INITIAL_SCALE, Cameras, Similarity
 from silmesh.geometry.textured_mesh import find_normals, picture_of
 from silmesh.report.outlines import outline_path
 from silmesh.report.packing import encode_glb, pack
+from silmesh.report.page_textures import encode_texture
 from silmesh.report.rings import frusta_of, look_ahead
-from silmesh.report.skins import encode_skin
 from silmesh.softras.batches import render_views
 
 DIGITS = 3  # decimals of the cameras' positions, in units of the normalised world
@@ -42,16 +42,16 @@ def describe_exhibit(
         sigma: softness of the rendering, as in the fit
         textured: the fitted mesh with a texture, if it has one
     Returns:
-        ``fitted`` and ``first``: packed GLB; ``skin``: the texture of ``fitted``, to be laid on it
-        where there is room, or None; ``outlines``: a path for each view; ``up`` and
-        ``ahead``: unit vectors, where the first camera looks level; ``cameras``: ``views``,
-        ``apexes`` and ``corners`` of their frusta
+        ``fitted`` and ``first``: packed GLB; ``texture``: that of ``fitted``, which is laid on it
+        where there is room, or None; ``outlines``: a path for each view; ``up`` and ``ahead``: unit
+        vectors, where the first camera looks level; ``cameras``: ``views``, ``apexes`` and
+        ``corners`` of their frusta
     """
     fitted = _encode_fitted(mesh, colours, similarity, textured)
     frusta, up = frusta_of(cameras.in_world_of(similarity)), cameras.up.numpy()
     return {
         "fitted": pack(fitted),
-        "skin": None if textured is None else encode_skin(picture_of(textured)),
+        "texture": None if textured is None else encode_texture(picture_of(textured)),
         "first": pack(encode_glb(np.asarray(initial.vertices) / INITIAL_SCALE, initial.faces)),
         "outlines": dict(zip(cameras.views, _outlines(mesh, cameras, sigma), strict=True)),
         "up": up.tolist(),

@@ -33,9 +33,9 @@ from silmesh.report.measures import (
     show,
 )
 from silmesh.report.packing import encode_glb, pack, pack_json
+from silmesh.report.page_textures import ROOM, add_texture
 from silmesh.report.parts import LIBRARIES, SCRIPTS, STYLES, TEMPLATE
 from silmesh.report.pictures import crop_thumbnail
-from silmesh.report.skins import ROOM, lay_skin
 from silmesh.report.tables import Run, objects_of
 
 PACKAGES = ("silmesh", "torch", "numba", "numpy", "scikit-image", "trimesh", "snakemake")
@@ -177,7 +177,10 @@ def _describe_object(
     }
     runs = [
         _describe_run(variant, result, order)
-        | {"still": _embed_still(result.picture, shares[1]), "fitted": _lay(result, shares[2])}
+        | {
+            "still": _embed_still(result.picture, shares[1]),
+            "fitted": _add_texture(result, shares[2]),
+        }
         for variant, result in results.items()
     ]
     curves = _name_curves(results)
@@ -230,14 +233,14 @@ def _describe_run(variant: str, result: Result, order: Sequence[str]) -> dict[st
 
 
 def _count_textures(results: Mapping[Run, Result]) -> int:
-    return sum(result.exhibit.get("skin") is not None for result in results.values())
+    return sum(result.exhibit.get("texture") is not None for result in results.values())
 
 
-def _lay(result: Result, room: float) -> str:
+def _add_texture(result: Result, room: float) -> str:
     """A run's fitted mesh, with its texture if it has one for which there is room."""
-    skin = result.exhibit.get("skin")
+    texture = result.exhibit.get("texture")
     fitted = result.exhibit["fitted"]
-    return fitted if skin is None else lay_skin(fitted, skin, room)
+    return fitted if texture is None else add_texture(fitted, texture, room)
 
 
 def _group_incoherent(results: Mapping[str, Result]) -> dict[tuple[str, str | None], list[str]]:

@@ -10,9 +10,9 @@ from silmesh.geometry.mesh_files import read_mesh, to_linear
 from silmesh.geometry.textured_mesh import read_textured
 from silmesh.report.animation import draw_turn, write_gif, write_mp4
 from silmesh.report.exhibit import describe_exhibit
+from silmesh.report.page_textures import SIDES
 from silmesh.report.pictures import draw_picture, quarter_turn
 from silmesh.report.rings import look_ahead
-from silmesh.report.skins import SIDES
 from silmesh.scene.scene import SILHOUETTES, VIEWS, find_frames, read_scene
 from silmesh.settings.fit import Fit
 from silmesh.silhouettes import read_silhouettes

@@ -12,7 +12,7 @@ from PIL import Image
 from silmesh.geometry.textured_mesh import texture_mesh
 from silmesh.report.exhibit import describe_exhibit
 from silmesh.report.packing import encode_glb, pack, unpack
-from silmesh.report.skins import SIDES, encode_skin, lay_skin
+from silmesh.report.page_textures import SIDES, add_texture, encode_texture
 
 FACES = np.array([[0, 1, 2]])
 
@@ -24,7 +24,7 @@ def noise(side: int) -> Image.Image:
 def lay(side: int, room: float):
     """The tree of a mesh with a picture of noise, and the picture that it has, if any."""
     packed = pack(encode_glb(np.eye(3), FACES, np.eye(3), np.eye(3), np.eye(3)[:, :2]))
-    tree, content = split_glb(unpack(lay_skin(packed, encode_skin(noise(side)), room)))
+    tree, content = split_glb(unpack(add_texture(packed, encode_texture(noise(side)), room)))
     if "images" not in tree:
         return tree, None
     view = tree["bufferViews"][tree["images"][0]["bufferView"]]
@@ -40,7 +40,7 @@ def test_no_texture_is_larger_than_the_page_shows_any(side, room, shown):
 
 
 def test_where_there_is_little_room_it_is_smaller_and_where_there_is_none_it_is_left_out():
-    whole = len(encode_skin(noise(1024)))
+    whole = len(encode_texture(noise(1024)))
     _, picture = lay(1024, whole / 3)
     assert picture.width in SIDES[1:]
     tree, picture = lay(1024, 1000)
@@ -57,7 +57,7 @@ def test_an_exhibit_has_the_texture_of_its_mesh_and_colours_for_where_it_has_no_
     textured = texture_mesh(mesh.vertices[split], faces, uv, image)
     colours = np.arange(24).reshape(8, 3) / 24
     told = describe_exhibit(mesh, colours, mesh, cameras(), similarity(), 1e-5, textured)
-    with Image.open(io.BytesIO(base64.b64decode(told["skin"]))) as picture:
+    with Image.open(io.BytesIO(base64.b64decode(told["texture"]))) as picture:
         assert np.abs(np.asarray(picture).astype(int) - image).max() <= 3
     tree, content = split_glb(unpack(told["fitted"]))
     at = tree["meshes"][0]["primitives"][0]["attributes"]
@@ -74,7 +74,7 @@ def test_an_exhibit_has_the_texture_of_its_mesh_and_colours_for_where_it_has_no_
 def test_a_mesh_without_texture_has_none():
     mesh = trimesh.creation.box((0.5, 0.8, 0.4))
     told = describe_exhibit(mesh, np.ones((8, 3)), mesh, cameras(), similarity(), 1e-5)
-    assert told["skin"] is None
+    assert told["texture"] is None
     assert (
         "TEXCOORD_0"
         not in split_glb(unpack(told["fitted"]))[0]["meshes"][0]["primitives"][0]["attributes"]

@@ -18,20 +18,20 @@ QUALITY = 80
 LETTERS = 4 / 3  # of base64, a byte
 
 
-def encode_skin(image: Image.Image) -> str:
+def encode_texture(image: Image.Image) -> str:
     """A texture as JPEG in base64, at most as large as the page shows any."""
     return base64.b64encode(_encode(image, SIDES[0])).decode()
 
 
-def lay_skin(packed: str, skin: str, room: float) -> str:
+def add_texture(packed: str, texture: str, room: float) -> str:
     """A packed mesh with its texture, if that has room.
 
     Args:
         packed: GLB with texture coordinates, as ``pack`` gives it
-        skin: of ``encode_skin``
+        texture: of ``encode_texture``
         room: bytes of the page
     """
-    content = base64.b64decode(skin)
+    content = base64.b64decode(texture)
     with Image.open(BytesIO(content)) as image:
         image.load()
     sizes = [side for side in SIDES if side < image.width]
