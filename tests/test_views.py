@@ -499,11 +499,12 @@ def test_photographs_as_they_were_pass_and_others_are_named(tmp_path):
     lying = Image.fromarray(RGB)
     turned = Image.Exif()
     turned[0x0112] = 6  # to be turned by 90 degrees
-    files = [tmp_path / "a.png", tmp_path / "b.jpg"]
+    files = [tmp_path / "a.png", tmp_path / "b.jpg", tmp_path / "c.tif", tmp_path / "d.webp"]
     lying.save(files[0])
-    lying.save(files[1], exif=turned)
+    for file in files[1:]:
+        lying.save(file, exif=turned)
     views = write_views(files, 16, "pad", tmp_path / "views")
-    assert [(view.width, view.height) for view in views] == [(8, 6), (6, 8)]
+    assert [(view.width, view.height) for view in views] == [(8, 6), (6, 8), (6, 8), (6, 8)]
     refuse_changed(views)
     lying.save(files[1])
     with pytest.raises(InputError, match=r"b\.jpg: has 8x6 pixels, and had 6x8 when its working"):

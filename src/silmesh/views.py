@@ -306,7 +306,7 @@ def read_photograph(view: View, least: tuple[int, int] | None = None) -> Image.I
 def refuse_changed(views: Sequence[View]) -> None:
     """Refuse views whose photographs are not there any more, or are of another size.
 
-    Only the heads of the files are read.
+    Mostly only the heads of the files are read.
 
     Raises:
         InputError: it names the file
@@ -326,8 +326,10 @@ def _measure(view: View) -> tuple[int, int]:
     if source.suffix == ".npy":
         return _open_array(source).shape[:1:-1]
     with reading(source, "an image"), open_image(source) as opened:
-        size = opened.size
+        size, kind = opened.size, opened.format
         turned = opened.getexif().get(ORIENTATION, 1) in SIDEWAYS
+    if turned and kind == "TIFF":  # whose size some versions of Pillow turn as they open it
+        return read_image(source).size
     return size[::-1] if turned else size
 
 

@@ -37,5 +37,5 @@ rule texture:
         " --scene {input.scene:q} --views {input.views:q} --settings {params.settings:q}"
         " --holdout {params.holdout} --threads {threads}"
         " --name {wildcards.object}/{wildcards.variant}"
-        " --obj {output.obj:q} --material {output.material:q} --image {output.image:q}"
+        " --output {output.obj:q} --material {output.material:q} --image {output.image:q}"
         " --glb {output.glb:q} --coloured {output.coloured:q} --notes {output.notes:q} 2> {log:q}"

@@ -51,6 +51,7 @@ OTHER_KEEP = "--keep should name another folder"
 OTHER_CACHE = f"--keep FOLDER works in another one, and ${CACHE} may name another folder for all"
 PAGE = "results/report/report.html"
 RESULTS = ("mesh.glb", "mesh.obj", "metrics.json")
+TEXTURED = ("mesh.mtl", "mesh.png", "coloured.ply")  # beside these, of a mesh with a texture
 FILE = "file"  # the source of cameras that a path follows
 MASK = "mask"  # the source of silhouettes that are files
 TAKING_SETS = (None, "calibrate", "auto")  # sources of cameras; None where they are chosen
@@ -338,7 +339,8 @@ def _run(
         work.configure(row, values)
     except InputError as error:
         raise InputError(work.restore(str(error))) from error
-    runner.run([*(work.result(variant, name) for name in RESULTS), *besides], bar)
+    names = RESULTS if options["texture"] == NONE else (*RESULTS, *TEXTURED)
+    runner.run([*(work.result(variant, name) for name in names), *besides], bar)
     return variant
 
 

@@ -57,7 +57,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     textured = texture_mesh(baked.verts, baked.faces, baked.uv, baked.image)
     png = encode_png(textured)
     write_textured_glb(given.glb, textured, png)
-    write_textured_obj(given.obj, textured, png, given.material, given.image)
+    write_textured_obj(given.output, textured, png, given.material, given.image)
 
 
 def _parse(argv: Sequence[str] | None) -> argparse.Namespace:
@@ -70,10 +70,10 @@ def _parse(argv: Sequence[str] | None) -> argparse.Namespace:
     args.add_argument("--holdout", type=int, default=0, help="every n-th view was kept out")
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument("--name", default="texture", help="what progress lines call it")
-    args.add_argument("--obj", type=output_file, required=True, help="mesh to write")
+    args.add_argument("--output", type=output_file, required=True, help="OBJ to write")
     args.add_argument("--material", type=output_file, required=True, help="its MTL to write")
     args.add_argument("--image", type=output_file, required=True, help="its PNG to write")
-    args.add_argument("--glb", type=output_file, required=True, help="the same mesh to write")
+    args.add_argument("--glb", type=output_file, required=True, help="GLB to write")
     args.add_argument(
         "--coloured", type=output_file, required=True, help="mesh with colours of vertices to write"
     )
