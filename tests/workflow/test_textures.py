@@ -50,6 +50,10 @@ def test_a_texture_is_made_measured_kept_and_made_again_where_it_should(fresh):
 
     fresh.edit("config/config.yaml", "size: 64", "size: 128")
     assert fresh.outdated() == after_texture()
-    fresh.edit("config/config.yaml", "size: 128", "size: 64")
+    fresh.edit("config/config.yaml", "size: 128", "size: 0")
+    assert fresh.outdated() == {"colour cup/round"} | after_texture() - {"texture cup/round"}
+    fresh.edit("config/config.yaml", "size: 0", "size: 64")
+    fresh.edit("config/config.yaml", "  plain:", "  plain:\n    texture: {size: auto}")
+    assert fresh.outdated() >= {"texture cup/plain", "picture cup/plain", "evaluate cup/plain"}
     (fresh / ROUND / "mesh.png").unlink()
     assert "texture cup/round" in fresh.outdated()
