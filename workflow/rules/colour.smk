@@ -10,12 +10,12 @@ rule colour:
         scene=lambda w: fit_inputs(w)["scene"],
     output:
         multiext("results/{object}/{variant}/mesh", ".obj", ".glb"),
-    wildcard_constraints:
-        variant=plan.variants(textured=False),
     log:
         "logs/colour/{object}-{variant}.log",
     benchmark:
         "logs/colour/{object}-{variant}.tsv"
+    wildcard_constraints:
+        variant=plan.variants(textured=False),
     params:
         code=code_digest("silmesh.steps.colour"),
     message:

@@ -18,12 +18,12 @@ rule texture:
         glb="results/{object}/{variant}/mesh.glb",
         coloured="results/{object}/{variant}/coloured.ply",
         notes="results/{object}/{variant}/texture.json",
-    wildcard_constraints:
-        variant=plan.variants(textured=True),
     log:
         "logs/texture/{object}-{variant}.log",
     benchmark:
         "logs/texture/{object}-{variant}.tsv"
+    wildcard_constraints:
+        variant=plan.variants(textured=True),
     threads: max(1, workflow.cores // len(plan.runs))
     params:
         settings=lambda w: settings(plan.run(w.object, w.variant).settings.texture),
