@@ -6,16 +6,16 @@ it lies between them:
     w = cos^SQUARE (normal, ray) f(d) s^2 / (1 + (r / SCALE)^2)
 
 f rises from the outline inwards over the distance d, s is pixels a length on the surface, and r how
-far the view's colour is from the mean of all, found anew ROUNDS times: highlights move over the
-surface, paint does not. Slow colours are the mean of all views, the detail is that of the best one
+far the view's colour is from the mean of all, found anew ROUNDS times from their median on:
+highlights move over the surface, paint does not. Slow colours are that mean, detail the best views'
 (``bands``, ``choice``); exposures are evened out first (``exposure``). What no view sees is filled.
 """
 
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from itertools import pairwise
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -28,7 +28,7 @@ from silmesh.progress import Share, untold
 from silmesh.texture.alignment import Alignment, take_details
 from silmesh.texture.atlas import Atlas, Texels, find_texels, unwrap
 from silmesh.texture.bands import Slow, take_slow
-from silmesh.texture.choice import choose_views
+from silmesh.texture.choice import share_detail
 from silmesh.texture.exposure import find_gains
 from silmesh.texture.filling import fill_vertices
 from silmesh.texture.padding import fill_gaps
@@ -131,7 +131,7 @@ def bake(
         means, trust = _agree(colours, weights)
         side = size or _choose_size(verts, faces, atlas, views)
         texels = find_texels(atlas, side)
-        shares = choose_views(trust, faces)
+        shares = share_detail(trust, faces)
         layers, done = _Layers(verts, faces, texels), 0
         for view, gain, slow, fast, photo in zip(
             views, gains, trust, shares, _read_all(pool, originals, views), strict=True
@@ -236,13 +236,26 @@ def _read_all(
 
 def _agree(colours: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Robust means over the views [verts, 3], and the weights that led to them [views, verts]."""
-    trust = weights
-    for _ in range(ROUNDS + 1):
-        total = np.maximum(trust.sum(axis=0), 1e-12)
-        mean = np.einsum("vn,vnc->nc", trust, colours) / total[:, None]
+    mean = _take_medians(colours, np.sqrt(weights))
+    for _ in range(ROUNDS):
         apart = np.linalg.norm(colours - mean, axis=2)
         trust = weights / (1 + (apart / SCALE) ** 2)
+        total = np.maximum(trust.sum(axis=0), 1e-12)
+        mean = np.einsum("vn,vnc->nc", trust, colours) / total[:, None]
     return mean, trust
+
+
+def _take_medians(colours: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Weighted medians over the views of each channel: [verts, 3]."""
+    found = np.empty(colours.shape[1:])
+    for channel in range(3):
+        values = colours[..., channel]
+        order = values.argsort(axis=0)
+        below = np.take_along_axis(weights, order, axis=0).cumsum(axis=0)
+        middle = (below >= below[-1] / 2).argmax(axis=0)
+        at = np.take_along_axis(order, middle[None], axis=0)
+        found[:, channel] = np.take_along_axis(values, at, axis=0)[0]
+    return found
 
 
 def _choose_size(verts: np.ndarray, faces: np.ndarray, atlas: Atlas, views: Sequence[_View]) -> int:
