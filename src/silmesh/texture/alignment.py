@@ -196,7 +196,7 @@ def _differentiate(local: np.ndarray, K: np.ndarray) -> np.ndarray:
     return np.concatenate([np.cross(local[:, None], along), along], axis=2)
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy")
 def _differ(image, pixels, out):
     """An image's bilinear values at pixels, and their gradients over two pixels."""
     height, width = image.shape
