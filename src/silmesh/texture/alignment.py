@@ -4,7 +4,7 @@ Points on the surface have the mean detail of the views that see them; each came
 minimises the weighted squares of the differences between its own detail and the mean of the others
 (Zhou and Koltun 2014, their rigid part):
 
-    sum over points of  w (D_i(x(xi)) - mean of the others)^2  +  HOLD <|grad D|^2> w |x(xi) - x(0)|^2
+    sum over points of  w (D_i(x(xi)) - mean)^2  +  HOLD <|grad D|^2> w |x(xi) - x(0)|^2
 
 x is where the camera sees a point after a turn and a shift xi in its own axes. D is a band of the
 grey image that has neither light and shade nor noise; a coarse band comes first. The last term
@@ -29,7 +29,7 @@ STEPS = 6  # in each band
 HOLD = 0.03
 CELLS = 16  # cells a side of the mesh's box
 FEWEST = 100  # points by which a camera is moved
-BETTER = 0.995  # of its error before, that a camera's is to fall to
+BETTER = 0.98  # of its error before, that a camera's is to fall to
 FARTHEST = 8.0  # pixels of these images that a point may move in a step of all
 
 
@@ -196,7 +196,7 @@ def _differentiate(local: np.ndarray, K: np.ndarray) -> np.ndarray:
     return np.concatenate([np.cross(local[:, None], along), along], axis=2)
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy")
 def _differ(image, pixels, out):
     """An image's bilinear values at pixels, and their gradients over two pixels."""
     height, width = image.shape

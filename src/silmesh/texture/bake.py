@@ -1,46 +1,34 @@
 """A texture of a mesh from the photographs at their own size.
 
-What a photograph says of the surface is weighed at the mesh's vertices, and of each texel by where
-it lies between them:
-
-    w = cos^SQUARE (normal, ray) f(d) s^2 / (1 + (r / SCALE)^2)
-
-f rises from the outline inwards over the distance d, s is pixels a length on the surface, and r how
-far the view's colour is from the mean of all, found anew ROUNDS times: highlights move over the
-surface, paint does not. Slow colours are the mean of all views, the detail is that of the best one
-(``bands``, ``choice``); exposures are evened out first (``exposure``). What no view sees is filled.
+What a photograph says of the surface is weighed at the mesh's vertices (``weighing``), exposures
+are evened out (``exposure``), views that differ from the others are trusted less (``agreement``).
+Each texel then takes, by where it lies between the vertices, the mean of all views' slow colours,
+and the detail of those that see it best (``bands``, ``choice``). What no view sees is filled.
 """
 
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from itertools import pairwise
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 import trimesh
-from numba import njit
 
-from silmesh.geometry.camera import Cameras
 from silmesh.geometry.originals import Originals
 from silmesh.progress import Share, untold
+from silmesh.texture.agreement import agree
 from silmesh.texture.alignment import Alignment, take_details
 from silmesh.texture.atlas import Atlas, Texels, find_texels, unwrap
-from silmesh.texture.bands import Slow, take_slow
-from silmesh.texture.choice import choose_views
+from silmesh.texture.choice import share_detail
 from silmesh.texture.exposure import find_gains
 from silmesh.texture.filling import fill_vertices
 from silmesh.texture.padding import fill_gaps
-from silmesh.texture.sampling import sample, sample_all
-from silmesh.texture.visibility import Sight, look, measure
+from silmesh.texture.sampling import add_view
+from silmesh.texture.weighing import Points, Seen, Shot, even_out, take_shot, weigh
 
-SQUARE = 3
-ERODE, FEATHER = 1.0, 4.0  # pixels of the working image, from the outline inwards
-FAINT = 1e-3  # f where all is near an outline
-SCALE = 25.0  # of 255
-ROUNDS = 5
-SMALLEST, LARGEST, STEP = 256, 4096, 256  # sides of pictures
+SMALLEST, LARGEST, STEP = 256, 4096, 256  # sides of pictures whose size is chosen
 SURE = 0.02  # of the best weight anywhere: texels with less lean on what is filled in
 THREADS = 2
 POINTS = 15_000  # of the surface, by which cameras are refined
@@ -69,28 +57,6 @@ class Texture:
     notes: dict[str, Any]
 
 
-@dataclass(frozen=True)
-class _View:
-    """One photograph as the surface needs it.
-
-    Attributes:
-        index: of the photograph
-        sight: what its camera sees of the mesh
-        slow: its slow band
-        near, far: distances to an outline, in pixels, between which f rises
-        colours: [verts, 3] slow colours at the mesh's vertices
-        weights: [verts], without r
-    """
-
-    index: int
-    sight: Sight
-    slow: Slow
-    near: float
-    far: float
-    colours: np.ndarray
-    weights: np.ndarray
-
-
 def bake(
     mesh: trimesh.Trimesh,
     originals: Originals,
@@ -115,138 +81,114 @@ def bake(
         InputError: a photograph can no longer be read
     """
     start = time.perf_counter()
-    verts, faces = np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
     chosen = list(range(len(originals)) if kept is None else kept)
     with ThreadPoolExecutor(THREADS) as pool:
-        flat = pool.submit(unwrap, verts, faces)
-        cameras, moves = originals.cameras.select(chosen), {}
+        flat = pool.submit(unwrap, np.asarray(mesh.vertices), np.asarray(mesh.faces))
+        cameras = originals.cameras.select(chosen)
+        shots, details = _read_all(pool, mesh, originals, silhouettes, chosen, refine, progress)
+        moves: dict[str, Any] = {}
         if refine:
-            cameras, moves = _refine(pool, mesh, originals, silhouettes, chosen)
-        views = _look_all(pool, mesh, originals, cameras, silhouettes, chosen, progress)
+            cameras, moves = Alignment(cameras, *details).run()
+        corners = Points(mesh, np.asarray(mesh.vertices), np.asarray(mesh.vertex_normals))
+        views = list(pool.map(lambda k: weigh(corners, cameras, k, shots[k]), range(len(chosen))))
+        progress(0.6)
+        blend = _Blend(mesh, views)
         atlas = flat.result()
-        weights = np.stack([view.weights for view in views])
-        colours = np.stack([view.colours for view in views])
-        gains = find_gains(colours, weights)
-        colours *= gains[:, None]
-        means, trust = _agree(colours, weights)
-        side = size or _choose_size(verts, faces, atlas, views)
-        texels = find_texels(atlas, side)
-        shares = choose_views(trust, faces)
-        layers, done = _Layers(verts, faces, texels), 0
-        for view, gain, slow, fast, photo in zip(
-            views, gains, trust, shares, _read_all(pool, originals, views), strict=True
-        ):
-            layers.add(pool, view, photo, gain, slow, fast)
-            progress(0.5 + 0.45 * (done := done + 1) / len(views))
-    filled = fill_vertices(means, trust.sum(axis=0) > 0, faces)
-    return _finish(layers, atlas, verts, filled, side, gains, originals, chosen, start, moves)
-
-
-def _refine(
-    pool: ThreadPoolExecutor,
-    mesh: trimesh.Trimesh,
-    originals: Originals,
-    silhouettes: np.ndarray,
-    chosen: Sequence[int],
-) -> tuple[Cameras, dict[str, Any]]:
-    """The cameras of the chosen views, refined by the photographs, and what is to be said of it."""
-    points, on = trimesh.sample.sample_surface(mesh, POINTS, seed=0)
-    lenses = _Lens(mesh, points, mesh.face_normals[on])
-    cameras = originals.cameras.select(chosen)
-
-    def take(k: int) -> Any:
-        photograph = originals.read(chosen[k])
-        outline = originals.enlarge(chosen[k], silhouettes[chosen[k]])
-        _, _, weights = lenses.weigh(cameras, k, outline, silhouettes.shape[-1])
-        return take_details(photograph, outline, weights)
-
-    return Alignment(cameras, points, list(pool.map(take, range(len(chosen))))).run()
-
-
-@dataclass(frozen=True)
-class _Lens:
-    """Points of a mesh that views are weighed at, with their normals [points, 3]."""
-
-    mesh: trimesh.Trimesh
-    points: np.ndarray
-    normals: np.ndarray
-
-    def weigh(
-        self, cameras: Cameras, k: int, outline: np.ndarray, working: int
-    ) -> tuple[Sight, np.ndarray, np.ndarray]:
-        """How well one camera sees the points: its sight, their pixels and their weights."""
-        P, eye = cameras.projections[k].numpy(), cameras.centres[k].numpy()
-        size = tuple(cameras.sizes[k].tolist())
-        verts, faces = np.asarray(self.mesh.vertices), np.asarray(self.mesh.faces, np.int64)
-        sight = look(verts, faces, P, size, outline)
-        pixels, cosine, margin = measure(sight, eye, self.points, self.normals)
-        near, far = find_edges(size, working)
-        rise = np.where(margin > near, ((margin - near) / (far - near)).clip(FAINT, 1), 0)
-        depths = self.points @ P[2, :3] + P[2, 3]
-        squared_focal = float(np.linalg.det(cameras.K[k].numpy()))
-        return sight, pixels, cosine**SQUARE * rise * squared_focal / depths**2
-
-
-def find_edges(size: tuple[int, int], working: int) -> tuple[float, float]:
-    """Distances to an outline, in pixels of a photograph, between which f rises."""
-    pixel = max(size) / working
-    return ERODE * pixel, (ERODE + FEATHER) * pixel
-
-
-def _look_all(
-    pool: ThreadPoolExecutor,
-    mesh: trimesh.Trimesh,
-    originals: Originals,
-    cameras: Cameras,
-    silhouettes: np.ndarray,
-    chosen: Sequence[int],
-    progress: Share,
-) -> list[_View]:
-    lenses = _Lens(mesh, np.asarray(mesh.vertices, float), np.asarray(mesh.vertex_normals))
-
-    def see(k: int) -> _View:
-        photograph = originals.read(chosen[k])
-        outline = originals.enlarge(chosen[k], silhouettes[chosen[k]])
-        sight, pixels, weights = lenses.weigh(cameras, k, outline, silhouettes.shape[-1])
-        slow = take_slow(photograph, outline)
-        edges = find_edges(tuple(cameras.sizes[k].tolist()), silhouettes.shape[-1])
-        colours = sample_all(slow.image, pixels / slow.step)
-        return _View(chosen[k], sight, slow, *edges, colours, weights)
-
-    found = []
-    for view in pool.map(see, range(len(chosen))):
-        found.append(view)
-        progress(0.5 * len(found) / len(chosen))
-    scale = max(float(np.quantile(np.stack([v.weights for v in found]), 0.99)), 1e-12)
-    for view in found:
-        view.weights[:] /= scale
-    return found
+        side = size or _choose_size(mesh, atlas, views)
+        layers = _Layers(mesh, find_texels(atlas, side))
+        ahead = _read_ahead(pool, originals, chosen)
+        for done, (view, photograph) in enumerate(zip(views, ahead, strict=True)):
+            layers.add(pool, view, photograph, *blend.of(done))
+            progress(0.6 + 0.4 * (done + 1) / len(chosen))
+    image, seen, shown = layers.paint(side, blend.filled)
+    notes = {
+        "size": side,
+        "charts": atlas.charts,
+        "unseen": round(1 - shown, 4),
+        "views": len(chosen),
+        "gains": blend.describe(cameras.views),
+        "cameras": moves,
+        "seconds": round(time.perf_counter() - start, 2),
+    }
+    verts = np.asarray(mesh.vertices, float)[atlas.origin]
+    return Texture(verts, atlas.faces, atlas.uv, atlas.origin, image, seen, notes)
 
 
 def _read_all(
-    pool: ThreadPoolExecutor, originals: Originals, views: Sequence[_View]
+    pool: ThreadPoolExecutor,
+    mesh: trimesh.Trimesh,
+    originals: Originals,
+    silhouettes: np.ndarray,
+    chosen: Sequence[int],
+    refine: bool,
+    progress: Share,
+) -> tuple[list[Shot], tuple[np.ndarray, list]]:
+    """What is kept of each photograph; points of the mesh, and the details that they compare."""
+    cameras = originals.cameras.select(chosen)
+    positions, on = trimesh.sample.sample_surface(mesh, POINTS, seed=0)
+    points = Points(mesh, np.asarray(positions), mesh.face_normals[on])
+
+    def take(k: int) -> tuple[Shot, Any]:
+        shot, photograph, outline = take_shot(originals, chosen[k], silhouettes[chosen[k]])
+        if not refine:
+            return shot, None
+        weights = weigh(points, cameras, k, shot).weights
+        return shot, take_details(photograph, outline, weights)
+
+    found = []
+    for pair in pool.map(take, range(len(chosen))):
+        found.append(pair)
+        progress(0.5 * len(found) / len(chosen))
+    shots, details = zip(*found, strict=True)
+    return list(shots), (points.positions, list(details))
+
+
+def _read_ahead(
+    pool: ThreadPoolExecutor, originals: Originals, chosen: Sequence[int]
 ) -> Iterator[np.ndarray]:
     """The photographs one after the other, the next one read meanwhile."""
-    ahead = pool.submit(originals.read, views[0].index)
-    for view in views[1:]:
-        photograph, ahead = ahead.result(), pool.submit(originals.read, view.index)
+    ahead = pool.submit(originals.read, chosen[0])
+    for i in chosen[1:]:
+        photograph, ahead = ahead.result(), pool.submit(originals.read, i)
         yield photograph
     yield ahead.result()
 
 
-def _agree(colours: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Robust means over the views [verts, 3], and the weights that led to them [views, verts]."""
-    trust = weights
-    for _ in range(ROUNDS + 1):
-        total = np.maximum(trust.sum(axis=0), 1e-12)
-        mean = np.einsum("vn,vnc->nc", trust, colours) / total[:, None]
-        apart = np.linalg.norm(colours - mean, axis=2)
-        trust = weights / (1 + (apart / SCALE) ** 2)
-    return mean, trust
+class _Blend:
+    """How views share the mesh's vertices, and what colours they agree on there.
+
+    Attributes:
+        filled: [verts, 3] colours of the vertices, of what no view sees by its surroundings
+    """
+
+    def __init__(self, mesh: trimesh.Trimesh, views: Sequence[Seen]):
+        weights = even_out([view.weights for view in views])
+        colours = np.stack([view.colours for view in views])
+        self._gains = find_gains(colours, weights)
+        means, self._slow = agree(colours * self._gains[:, None], weights)
+        faces = np.asarray(mesh.faces)
+        self._detail = share_detail(self._slow, faces)
+        self.filled = fill_vertices(means, (self._slow > 0).any(axis=0), faces)
+
+    def of(self, k: int) -> tuple[np.ndarray, np.ndarray]:
+        """A view's gains [3], and its shares of slow colours and of detail [2, verts]."""
+        shares = np.stack([self._slow[k], self._detail[k]])
+        return self._gains[k].astype(np.float32), shares.astype(np.float32)
+
+    def describe(self, views: Sequence[str]) -> dict[str, list[float]]:
+        """The gains of red, green and blue of each view."""
+        return {
+            v: [round(float(g), 3) for g in gain]
+            for v, gain in zip(views, self._gains, strict=True)
+        }
 
 
-def _choose_size(verts: np.ndarray, faces: np.ndarray, atlas: Atlas, views: Sequence[_View]) -> int:
-    """The side at which a texel is as large as a pixel of the photograph that shows it best."""
+def _choose_size(mesh: trimesh.Trimesh, atlas: Atlas, views: Sequence[Seen]) -> int:
+    """The side at which a texel is as large as a pixel of the photograph that shows it best.
+
+    The median over the surface, as texels are of one size.
+    """
+    verts, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     best = np.zeros(len(faces))
     for view in views:
         seen = verts @ view.sight.P[:, :3].T + view.sight.P[:, 3]
@@ -272,116 +214,49 @@ def _measure_areas(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
 class _Layers:
     """Sums over the views at each texel: of slow colours, of detail, and of their weights."""
 
-    def __init__(self, verts: np.ndarray, faces: np.ndarray, texels: Texels):
-        self.verts, self.faces, self.texels = verts, faces, texels
-        self.slow = np.zeros((len(texels.at), 4), np.float32)
-        self.fast = np.zeros((len(texels.at), 4), np.float32)
+    def __init__(self, mesh: trimesh.Trimesh, texels: Texels):
+        self._verts = np.asarray(mesh.vertices, float)
+        self._faces = np.asarray(mesh.faces, np.int64)
+        self._texels = texels
+        self._slow = np.zeros((len(texels.at), 4), np.float32)
+        self._fast = np.zeros((len(texels.at), 4), np.float32)
 
     def add(
         self,
         pool: ThreadPoolExecutor,
-        view: _View,
+        view: Seen,
         photograph: np.ndarray,
         gain: np.ndarray,
-        slow: np.ndarray,
-        fast: np.ndarray,
+        shares: np.ndarray,
     ) -> None:
-        """Add one view, whose slow colours and detail have weights at the vertices: [verts]."""
-        sight = view.sight
+        """Add one view, as ``sampling.add_view`` says."""
+        shot, sight, texels = view.shot, view.sight, self._texels
+        numbers = (sight.scale, sight.slack, shot.near, shot.far, float(shot.slow.step))
+        maps = sight.depth, sight.margin, photograph, shot.slow.image, gain
 
         def run(part: slice) -> None:
-            _add(
-                self.texels.faces[part],
-                self.texels.weights[part],
-                self.faces,
-                self.verts,
-                slow.astype(np.float32),
-                fast.astype(np.float32),
-                sight.P,
-                (sight.scale, sight.slack, view.near, view.far),
-                sight.depth,
-                sight.margin,
-                photograph,
-                view.slow.image,
-                view.slow.step,
-                gain.astype(np.float32),
-                self.slow[part],
-                self.fast[part],
-            )
+            on, corners = texels.faces[part], texels.weights[part]
+            surface = self._faces, self._verts, shares, sight.P
+            sums = self._slow[part], self._fast[part]
+            add_view(on, corners, *surface, numbers, *maps, *sums)
 
-        edges = np.linspace(0, len(self.texels.at), 4 * THREADS + 1).astype(int)
+        edges = np.linspace(0, len(texels.at), 4 * THREADS + 1).astype(int)
         list(pool.map(run, [slice(a, b) for a, b in pairwise(edges)]))
 
+    def paint(self, side: int, filled: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        """The picture, which texels some view shows, and their share of those on the mesh.
 
-def _finish(layers, atlas, verts, filled, side, gains, originals, chosen, start, moves) -> Texture:
-    texels = layers.texels
-    weight = layers.slow[:, 3:]
-    under = np.einsum(
-        "nk,nkc->nc", texels.weights, filled[layers.faces[texels.faces]].astype(np.float32)
-    )
-    colours = (layers.slow[:, :3] + SURE * under) / (weight + SURE)
-    colours += layers.fast[:, :3] / np.maximum(layers.fast[:, 3:], SURE)
-    image, seen = np.zeros((side * side, 3), np.float32), np.zeros(side * side, bool)
-    known = np.zeros(side * side, bool)
-    image[texels.at], known[texels.at], seen[texels.at] = colours, True, weight[:, 0] > 0
-    padded = fill_gaps(image.reshape(side, side, 3), known.reshape(side, side))
-    return Texture(
-        verts[atlas.origin],
-        atlas.faces,
-        atlas.uv,
-        atlas.origin,
-        padded.round().clip(0, 255).astype(np.uint8),
-        seen.reshape(side, side),
-        {
-            "size": side,
-            "charts": atlas.charts,
-            "unseen": round(1 - float((weight > 0).mean()), 4),
-            "views": len(chosen),
-            "gains": {
-                originals.cameras.views[i]: [round(float(g), 3) for g in gain]
-                for i, gain in zip(chosen, gains, strict=True)
-            },
-            "cameras": moves,
-            "seconds": round(time.perf_counter() - start, 2),
-        },
-    )
-
-
-@njit(nogil=True, error_model="numpy", fastmath=True)
-def _add(
-    on, corners, faces, verts, slow, fast, P, numbers,
-    depth, margin, photograph, low, step, gain, slow_out, fast_out,
-):  # fmt: skip
-    scale, slack, near, far = numbers
-    height, width = depth.shape
-    fine, coarse = np.empty(3), np.empty(3)
-    for i in range(len(on)):
-        a, b, c = faces[on[i]]
-        u, v, w = corners[i]
-        weight = u * slow[a] + v * slow[b] + w * slow[c]
-        if weight <= 0:
-            continue
-        detail = u * fast[a] + v * fast[b] + w * fast[c]
-        X = u * verts[a, 0] + v * verts[b, 0] + w * verts[c, 0]
-        Y = u * verts[a, 1] + v * verts[b, 1] + w * verts[c, 1]
-        Z = u * verts[a, 2] + v * verts[b, 2] + w * verts[c, 2]
-        z = P[2, 0] * X + P[2, 1] * Y + P[2, 2] * Z + P[2, 3]
-        x = (P[0, 0] * X + P[0, 1] * Y + P[0, 2] * Z + P[0, 3]) / z
-        y = (P[1, 0] * X + P[1, 1] * Y + P[1, 2] * Z + P[1, 3]) / z
-        row, column = int(np.floor(y * scale)), int(np.floor(x * scale))
-        if not (0 <= row < height and 0 <= column < width) or z > depth[row, column] + slack:
-            continue
-        rise = min(1.0, (margin[row, column] / scale - near) / (far - near))
-        if rise <= 0:
-            continue
-        sample(low, x / step, y / step, coarse)
-        weight *= rise
-        slow_out[i, 3] += weight
-        for k in range(3):
-            slow_out[i, k] += weight * gain[k] * coarse[k]
-        if detail > 0:
-            detail *= rise
-            sample(photograph, x, y, fine)
-            fast_out[i, 3] += detail
-            for k in range(3):
-                fast_out[i, k] += detail * gain[k] * (fine[k] - coarse[k])
+        Args:
+            filled: [verts, 3] colours that what is hardly seen leans on
+        """
+        texels, weight = self._texels, self._slow[:, 3:]
+        corners = filled.astype(np.float32)[self._faces[texels.faces]]
+        under = np.einsum("nk,nkc->nc", texels.weights, corners)
+        colours = (self._slow[:, :3] + SURE * under) / (weight + SURE)
+        colours += self._fast[:, :3] / np.maximum(self._fast[:, 3:], SURE)
+        image = np.zeros((side * side, 3), np.float32)
+        known, seen = np.zeros(side * side, bool), np.zeros(side * side, bool)
+        image[texels.at], known[texels.at], seen[texels.at] = colours, True, weight[:, 0] > 0
+        padded = fill_gaps(image.reshape(side, side, 3), known.reshape(side, side))
+        picture = padded.round().clip(0, 255).astype(np.uint8)
+        return picture, seen.reshape(side, side), float((weight > 0).mean())

@@ -10,8 +10,6 @@ import math
 import numpy as np
 from numba import njit
 
-_jit = njit(nogil=True, cache=False, error_model="numpy")
-
 
 def draw(
     points: np.ndarray, depths: np.ndarray, faces: np.ndarray, size: tuple[int, int]
@@ -34,7 +32,7 @@ def draw(
         return shown, 1 / nearness
 
 
-@_jit
+@njit(nogil=True, cache=True, error_model="numpy")
 def _draw(points, depths, faces, shown, nearness):
     height, width = shown.shape
     for f in range(len(faces)):

@@ -16,7 +16,6 @@ from silmesh.texture.raster import draw
 LONGEST = 640  # pixels of a map's longer side
 JUMP = 0.03  # of the mesh's size: a step of the depth that is an outline
 SLACK = 0.004  # of the mesh's size: how far behind the map's depth a point still counts as seen
-STEEPEST = 4.0  # slope, the tangent of the angle to the axis, that the slack allows for
 
 
 @dataclass(frozen=True)
@@ -51,26 +50,27 @@ def look(
         verts: [verts, 3]
         P: [3, 4], normalised so that the third row gives depths
         size: width and height of the photograph
-        silhouette: [height, width] bool of the photograph
+        silhouette: [height, width] bool, as ``shrink`` gives it, which is the map's size
     """
-    scale = min(1.0, LONGEST / max(size))
-    small = (max(1, round(size[0] * scale)), max(1, round(size[1] * scale)))
+    small, scale = silhouette.shape[::-1], silhouette.shape[1] / size[0]
     seen = verts @ P[:, :3].T + P[:, 3]
     with np.errstate(divide="ignore", invalid="ignore"):
         points = seen[:, :2] / seen[:, 2:] * scale
     depth = draw(points, seen[:, 2], faces, small)[1]
     extent = float(np.ptp(verts, axis=0).max())
-    inside = _shrink(silhouette, small) & ~_find_jumps(depth, JUMP * extent)
+    inside = silhouette & ~_find_jumps(depth, JUMP * extent)
     padded = np.pad(inside, 1, mode="edge")  # the photograph's frame is no outline
     margin = distance_transform_edt(padded)[1:-1, 1:-1] - 0.5
     return Sight(P, scale, depth, margin.astype(np.float32), SLACK * extent)
 
 
-def _shrink(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """An image at another size, by the nearest pixels."""
-    rows = ((np.arange(size[1]) + 0.5) * image.shape[0] / size[1]).astype(int)
-    columns = ((np.arange(size[0]) + 0.5) * image.shape[1] / size[0]).astype(int)
-    return image[rows[:, None], columns]
+def shrink(silhouette: np.ndarray) -> np.ndarray:
+    """A silhouette no larger than a map, by the nearest pixels: [height, width] bool."""
+    scale = min(1.0, LONGEST / max(silhouette.shape))
+    height, width = (max(1, round(n * scale)) for n in silhouette.shape)
+    rows = ((np.arange(height) + 0.5) * silhouette.shape[0] / height).astype(int)
+    columns = ((np.arange(width) + 0.5) * silhouette.shape[1] / width).astype(int)
+    return silhouette[rows[:, None], columns]
 
 
 def _find_jumps(depth: np.ndarray, step: float) -> np.ndarray:
@@ -107,7 +107,7 @@ def measure(
     return pixels, np.where(margin > 0, cosine, 0), margin / sight.scale
 
 
-@njit(nogil=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy")
 def _measure(depth, margin, scale, slack, seen, cosine, pixels, out):
     height, width = depth.shape
     for i in range(len(seen)):
