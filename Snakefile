@@ -39,6 +39,8 @@ RESULTS = (
     "loss.csv",
     "metrics.json",
 )
+# Beside the mesh of a run with a texture.
+COMPANIONS = ("mesh.mtl", "mesh.png", "coloured.ply", "texture.json")
 
 
 # Read strictly first: Snakemake would take the last of two equal keys in silence.
@@ -108,6 +110,7 @@ rule all:
     input:
         "results/report/report.html",
         [every_run(f"results/{{}}/{{}}/{name}") for name in RESULTS],
+        [every_textured(f"results/{{}}/{{}}/{name}") for name in COMPANIONS],
 
 
 include: "workflow/rules/synthetic.smk"
@@ -123,5 +126,6 @@ include: "workflow/rules/initial.smk"
 include: "workflow/rules/fit.smk"
 include: "workflow/rules/relief.smk"
 include: "workflow/rules/colour.smk"
+include: "workflow/rules/texture.smk"
 include: "workflow/rules/evaluate.smk"
 include: "workflow/rules/report.smk"

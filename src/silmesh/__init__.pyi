@@ -1,3 +1,4 @@
+from silmesh.api import bake as bake
 from silmesh.api import colour as colour
 from silmesh.api import evaluate as evaluate
 from silmesh.api import find_cameras as find_cameras

@@ -12,7 +12,8 @@ Stages follow one another:
     initial = silmesh.initial_mesh(scene)
     fitted = silmesh.fit(initial, scene)
     fitted = silmesh.refine(fitted, scene, photographs)
-    mesh, metrics = silmesh.colour(fitted, scene), silmesh.evaluate(fitted, scene, initial)
+    texture = silmesh.bake(fitted, scene, photographs)
+    mesh, metrics = texture.mesh, silmesh.evaluate(fitted, scene, initial, texture=texture)
 
 World   of a scene: normalised, y up, the object in the sphere of radius 0.5 about the origin; of
         what a fit gives: the cameras' own. Cameras are OpenCV's (``silmesh.geometry.camera``).
@@ -35,6 +36,7 @@ from silmesh.cameras.locate import locate
 from silmesh.cameras.sets import CLASH, find_sets
 from silmesh.errors import InputError, name_some
 from silmesh.evaluation import metrics
+from silmesh.evaluation.texturing import make_texture
 from silmesh.fitting.fit import Fitted
 from silmesh.fitting.loop import Record
 from silmesh.fitting.photometric import refine_by_photographs
@@ -42,6 +44,14 @@ from silmesh.fitting.robust_fit import fit_robustly
 from silmesh.fitting.trial import trial_with
 from silmesh.geometry.camera import INITIAL_SCALE, OBJECT_RADIUS, Cameras
 from silmesh.geometry.mesh_files import read_mesh, write_coloured
+from silmesh.geometry.obj_companions import name_companions, try_companions
+from silmesh.geometry.textured_mesh import (
+    encode_png,
+    has_texture,
+    texture_mesh,
+    write_textured_glb,
+    write_textured_obj,
+)
 from silmesh.geometry.thresholds import CONVINCING
 from silmesh.intake.arguments import (
     checked,
@@ -62,6 +72,7 @@ from silmesh.settings.fit import FastFit, Fit, SoftRasFit, is_photometric, name_
 from silmesh.settings.init import Init
 from silmesh.settings.quality import Quality
 from silmesh.settings.silhouettes import FOREGROUND_MODELS, Networks, check_source
+from silmesh.settings.texture import Texture
 from silmesh.settings.turntable import parse_turntable
 from silmesh.settings.views import Views
 from silmesh.shapes.initial import Initial, make_initial_mesh, take_mesh
@@ -79,6 +90,7 @@ SECTIONS = {  # of the configuration
     "calibrate": Calibrate,
     "colmap": Colmap,
     "quality": Quality,
+    "texture": Texture,
     "init": Init,
     "fit": Fit,
 }
@@ -122,11 +134,26 @@ class Silhouettes(Found):
 
 
 @dataclass(frozen=True)
+class Baked:
+    """A mesh with its texture.
+
+    Attributes:
+        mesh: with ``TextureVisuals``, its vertices split where charts of the texture end
+        notes: as ``texture.json`` has them
+    """
+
+    mesh: trimesh.Trimesh
+    notes: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
 class Reconstruction:
     """What became of photographs.
 
     Attributes:
-        mesh: with the colours of its vertices, in the cameras' world
+        mesh: with its texture, or with the colours of its vertices if none was asked for, in the
+            cameras' world
+        coloured: the mesh with the colours of its vertices
         cameras: of the fitted views, as ``cameras.json`` has them
         silhouettes: [views, size, size] bool, in the order of the cameras
         metrics: as ``metrics.json`` has them; ``silhouettes``, a folder there, is None
@@ -136,6 +163,7 @@ class Reconstruction:
     """
 
     mesh: trimesh.Trimesh
+    coloured: trimesh.Trimesh
     cameras: Cameras
     silhouettes: np.ndarray
     metrics: Mapping[str, Any]
@@ -147,13 +175,16 @@ class Reconstruction:
     def save(self, path: str | Path) -> None:
         """Write the mesh as the workflow does, ``.glb`` or ``.obj``, or as ``.ply`` or ``.stl``.
 
+        An OBJ with a texture has its MTL and its PNG beside it, which are named like it. PLY has
+        colours of the vertices.
+
         Raises:
-            InputError: the ending names none of these formats
+            InputError: the ending names none of these formats, or a file that silmesh did not make
+                is where the MTL or the PNG belongs
         """
         if Path(path).suffix.lower() not in WRITTEN:
             raise InputError(f"{path}: should end in {', '.join(WRITTEN)}, which names the format")
-        colours = np.asarray(self.mesh.visual.vertex_colors)[:, :3]
-        write_coloured([Path(path)], self.mesh, colours)
+        _write(Path(path), self.mesh, self.coloured)
 
 
 @checked
@@ -170,6 +201,7 @@ def reconstruct(
     preset: str = "fast",
     quality: str = "auto",
     photometric: str | bool | None = None,
+    texture: str | int = "auto",
     truth: trimesh.Trimesh | str | Path | None = None,
     settings: Mapping[str, Mapping[str, Any]] | None = None,
     progress: Callable[[str, float], None] = lambda stage, share: None,
@@ -195,6 +227,7 @@ def reconstruct(
         quality: what is done with outliers: ``auto``, ``keep``, ``drop`` or ``repair``
         photometric: ``auto`` moves the surface to where the photographs agree, if that is better;
             False does not; ``auto`` with the preset ``fast`` if not given, others never have it
+        texture: pixels of its side; ``auto`` by the photographs; 0 for colours of the vertices
         truth: the true mesh, or its file, in the frame of the cameras; metrics compare with it
         settings: more of the configuration by its sections, as ``{"fit": {"iterations": 300}}``
         progress: is told each stage's name and which share of it is done
@@ -204,7 +237,9 @@ def reconstruct(
     """
     named = {"views": {"size": size}, "init": {"shape": init}}
     named |= {"fit": name_fit(preset, photometric), "quality": {"policy": quality}}
+    named |= {"texture": {"size": texture}}
     sections = _check_sections(settings or {}, named)
+    wanted = _check("texture", sections["texture"])
     known = _read_truth(truth)  # before the work
     beside = [path for path in (masks, cameras) if isinstance(path, str | Path)]
     files, notes, video = _find_files(photographs, beside, bool(sets))
@@ -228,11 +263,15 @@ def reconstruct(
     fitted = fit(initial, scene, **sections["fit"], progress=_tell(progress, "fit"))
     if is_photometric(fitted.settings):
         fitted = refine(fitted, scene, shown, progress=_tell(progress, "relief"))
+    baked, coloured = None, colour(fitted, scene)
+    if wanted.wanted:
+        baked = bake(fitted, scene, shown, wanted.size, progress=_tell(progress, "texture"))
     return Reconstruction(
-        colour(fitted, scene),
+        baked.mesh if baked else coloured,
+        coloured,
         fitted.cameras,
         scene.silhouettes,
-        evaluate(fitted, scene, initial, known),
+        evaluate(fitted, scene, initial, known, baked),
         fitted.records,
         initial,
         scene,
@@ -458,6 +497,7 @@ def evaluate(
     scene: Scene,
     initial: Initial | None = None,
     truth: trimesh.Trimesh | str | Path | None = None,
+    texture: Baked | None = None,
 ) -> dict[str, Any]:
     """Measure a fitted mesh: the content of ``metrics.json``, described in ``docs/metrics.md``.
 
@@ -467,6 +507,8 @@ def evaluate(
         initial: of which the metrics say how it was made
         truth: the true mesh, or its file, in the frame of the cameras; the mesh is first registered
             with it if the cameras were found from the photographs
+        texture: by ``bake``, of which the metrics say how well it shows photographs that were held
+            out
 
     Raises:
         InputError: the truth cannot be read
@@ -486,6 +528,7 @@ def evaluate(
         truth=known,
         align=estimated,
         relief=fitted.relief,
+        texture=texture.notes if texture else None,
     )
 
 
@@ -502,6 +545,57 @@ def colour(fitted: Fitted, scene: Scene) -> trimesh.Trimesh:
         scene.silhouettes,
     )
     return trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=colours, process=False)
+
+
+@checked
+def bake(
+    fitted: Fitted,
+    scene: Scene,
+    photographs: Photographs,
+    size: str | int = "auto",
+    *,
+    progress: Share = untold,
+) -> Baked:
+    """The fitted mesh with a texture, from the photographs at their own size.
+
+    Args:
+        scene: that it was fitted to
+        photographs: whose files are read again
+        size: pixels of its side; ``auto`` is as large as the photographs tell apart
+        progress: is told which share is done
+
+    Raises:
+        InputError: the size is none, or a photograph is not there any more or was changed
+    """
+    _refuse_other_views(fitted, scene)
+    wanted = _check("texture", {"size": size})
+    if not wanted.wanted:
+        raise InputError("texture.size: 0 is no texture; silmesh.colour gives colours of vertices")
+    baked = make_texture(
+        fitted.mesh,
+        fitted.cameras,
+        photographs.views,
+        scene.notes.get("lenses"),
+        scene.silhouettes,
+        wanted,
+        fitted.settings.holdout,
+        progress,
+    )
+    mesh = texture_mesh(baked.verts, baked.faces, baked.uv, baked.image)
+    return Baked(mesh, baked.notes)
+
+
+def _write(path: Path, mesh: trimesh.Trimesh, coloured: trimesh.Trimesh) -> None:
+    """Write a mesh with its texture where the format has one, else with colours of its vertices."""
+    kind = path.suffix.lower()
+    if not has_texture(mesh) or kind not in (".glb", ".obj"):
+        colours = np.asarray(coloured.visual.vertex_colors)[:, :3]
+        write_coloured([path], coloured, colours)
+    elif kind == ".glb":
+        write_textured_glb(path, mesh, encode_png(mesh))
+    else:
+        try_companions(path)
+        write_textured_obj(path, mesh, encode_png(mesh), *name_companions(path))
 
 
 def _read_truth(truth: trimesh.Trimesh | str | Path | None) -> trimesh.Trimesh | None:

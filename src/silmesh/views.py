@@ -30,6 +30,7 @@ PROGRAMS = ("EPS", "WMF")  # formats that are programs, which Pillow has another
 # Images of more than SMALL pixels may have at most PACKED pixels a byte of their file, which is
 # what deflate reaches for equal pixels of one bit.
 SMALL, PACKED = 10_000_000, 8 * 1032
+ORIENTATION, SIDEWAYS = 0x0112, (5, 6, 7, 8)  # the EXIF tag, and its values that turn by 90 degrees
 GROUND = 124  # grey level of the working image of a photograph that cannot be read
 
 
@@ -300,6 +301,36 @@ def read_photograph(view: View, least: tuple[int, int] | None = None) -> Image.I
     if source.suffix == ".npy":
         return Image.fromarray(np.moveaxis(_open_array(source)[int(view.view)], 0, -1))
     return read_image(source, least)
+
+
+def refuse_changed(views: Sequence[View]) -> None:
+    """Refuse views whose photographs are not there any more, or are of another size.
+
+    Mostly only the heads of the files are read.
+
+    Raises:
+        InputError: it names the file
+    """
+    for view in views:
+        if not view.unreadable and (size := _measure(view)) != (view.width, view.height):
+            raise InputError(
+                f"{view.source}: has {size[0]}x{size[1]} pixels, and had {view.width}x"
+                f"{view.height} when its working image was made; should be the photograph that it "
+                "was, or all be made anew"
+            )
+
+
+def _measure(view: View) -> tuple[int, int]:
+    """Width and height of a view's photograph, upright."""
+    source = Path(view.source)
+    if source.suffix == ".npy":
+        return _open_array(source).shape[:1:-1]
+    with reading(source, "an image"), open_image(source) as opened:
+        size, kind = opened.size, opened.format
+        turned = opened.getexif().get(ORIENTATION, 1) in SIDEWAYS
+    if turned and kind == "TIFF":  # whose size some versions of Pillow turn as they open it
+        return read_image(source).size
+    return size[::-1] if turned else size
 
 
 def write_views(

@@ -182,6 +182,29 @@ def test_the_home_in_a_path_of_cameras_is_the_persons(tmp_path, monkeypatch, giv
     assert f"{page}: is one of the files that are read" in said
 
 
+@pytest.mark.parametrize("size", ["63", "8193", "huge"])
+def test_a_texture_of_no_possible_size_is_refused(tmp_path, size):
+    photos = photograph(tmp_path / "photos")
+    status, said = call(
+        photos, "-o", tmp_path / "m.glb", "--keep", tmp_path / "w", "--texture", size
+    )
+    assert status == 2
+    assert "'auto'" in said
+    assert not (tmp_path / "w").exists()
+
+
+def test_a_persons_picture_beside_an_obj_is_not_written_over(tmp_path):
+    photos = photograph(tmp_path / "photos")
+    output = ["-o", photos / "r3.obj", "--keep", tmp_path / "work"]
+    status, said = call(photos, *output)
+    assert status == 2
+    assert f"{photos / 'r3.png'}: is there already and not made by silmesh" in said
+    page = ["--page", tmp_path / "cup.mtl"]
+    status, said = call(photos, "-o", tmp_path / "cup.obj", "--keep", tmp_path / "work", *page)
+    assert status == 2
+    assert "cup.mtl: should be another file than that of the mesh" in said
+
+
 def photograph(folder: Path) -> Path:
     """Photographs of an ellipsoid with unequal axes on a turntable, before a plain background."""
     folder.mkdir()

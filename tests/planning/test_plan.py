@@ -55,6 +55,22 @@ def test_a_runs_stages_are_named_by_what_they_depend_on(plan):
     }
 
 
+def test_a_variant_has_a_texture_as_it_or_the_run_says(plan):
+    made = plan("a: {}, b: {texture: {size: 0}}, c: {texture: {size: 512}}")
+    assert [made.variants(textured) for textured in (True, False)] == ["c", "a|b"]
+    made = plan("a: {}, b: {texture: {size: 0}}", more="texture: {size: auto}")
+    assert [made.variants(textured) for textured in (True, False)] == ["a", "b"]
+    assert not re.fullmatch(plan("a: {}").variants(textured=True), "a")
+
+
+@pytest.mark.parametrize("size", [63, 8193, "large", "true", -1])
+def test_a_texture_of_no_possible_size_is_refused(plan, size):
+    with pytest.raises(
+        InputError, match=r"texture\.size: should be 'auto' or 0 or a whole number "
+    ):
+        plan("a: {}", more=f"texture: {{size: {size}}}")
+
+
 def test_a_view_may_be_spared_where_no_run_keeps_all(plan):
     drop = "a: {quality: {policy: drop}}, b: {quality: {policy: repair, fewest: 9}}"
     lenient = plan(drop)

@@ -254,7 +254,42 @@ def evaluate_inputs(wildcards):
         "initial": f"{run.folder('initial')}/init.json",
         "truth": f"results/{wildcards.object}/stages/truth.ply" if truth else [],
         **relief_inputs(wildcards, "relief"),
+        "texture": texture_notes(run),
     }
+
+
+def texture_notes(run):
+    """What is said of a run's texture, if it has one."""
+    return (
+        f"results/{run.dataset.object}/{run.variant}/texture.json"
+        if run.textured
+        else []
+    )
+
+
+def texture_argument(wildcards, input):
+    """The argument that names what is said of the texture, if there is one."""
+    return f"--texture {quote(input.texture)}" if input.texture else ""
+
+
+def coloured_mesh(wildcards):
+    """A run's mesh with colours of its vertices."""
+    textured = plan.run(wildcards.object, wildcards.variant).textured
+    name = "coloured.ply" if textured else "mesh.obj"
+    return f"results/{wildcards.object}/{wildcards.variant}/{name}"
+
+
+def textured_mesh(wildcards):
+    """A run's mesh with its texture, if it has one."""
+    textured = plan.run(wildcards.object, wildcards.variant).textured
+    return (
+        f"results/{wildcards.object}/{wildcards.variant}/mesh.glb" if textured else []
+    )
+
+
+def textured_argument(wildcards, input):
+    """The argument that names the mesh with its texture, if there is one."""
+    return f"--textured {quote(input.textured)}" if input.textured else ""
 
 
 def truth_arguments(wildcards, input):
@@ -290,6 +325,11 @@ def scenes_of(object_):
 def every_run(path):
     """A path of each run, once: {0} is its object, {1} its variant, {2} its scene, {3} its judging."""
     return list(dict.fromkeys(_fill(path, run) for run in plan.runs))
+
+
+def every_textured(path):
+    """A path of each run with a texture, as ``every_run`` has them."""
+    return list(dict.fromkeys(_fill(path, run) for run in plan.runs if run.textured))
 
 
 def _fill(path, run):
@@ -361,7 +401,7 @@ def stages_of(run):
         "judging": f"judge/{object_}-{run.judged_key}",
         "initial mesh": f"first/{object_}-{run.initial_key}",
         "fit": f"fit/{object_}-{run.variant}",
-        "colours": f"colour/{object_}-{run.variant}",
+        "colours": f"{'texture' if run.textured else 'colour'}/{object_}-{run.variant}",
         "metrics": f"evaluate/{object_}-{run.variant}",
         "pictures": f"picture/{object_}-{run.variant}",
     }

@@ -41,7 +41,8 @@ rule figure:
 rule picture:
     input:
         unpack(lambda w: relief_inputs(w, "standing")),
-        mesh="results/{object}/{variant}/mesh.obj",
+        mesh=coloured_mesh,
+        textured=textured_mesh,
         cameras="results/{object}/{variant}/cameras.json",
         initial=lambda w: fit_inputs(w)["initial"],
         scene=lambda w: fit_inputs(w)["scene"],
@@ -73,11 +74,13 @@ rule picture:
     params:
         settings=fit_settings,
         standing=relief_argument("standing"),
+        textured=textured_argument,
         code=code_digest("silmesh.steps.picture"),
     message:
         "{wildcards.object}/{wildcards.variant}: drawing the mesh beside its photographs"
     shell:
-        "python -m silmesh.steps picture --mesh {input.mesh:q} --initial {input.initial:q}"
+        "python -m silmesh.steps picture --mesh {input.mesh:q} {params.textured}"
+        " --initial {input.initial:q}"
         " --cameras {input.cameras:q} --scene {input.scene:q}"
         " --settings {params.settings:q} {params.standing}"
         " --output {output.picture:q} --gif {output.gif:q} --mp4 {output.mp4:q}"

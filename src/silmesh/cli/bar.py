@@ -28,6 +28,7 @@ SECONDS = {
     "fit_outlines": (4.0, 0.04),
     "relief": (4.0, 1.0),
     "colour": (1.0, 0.005),
+    "texture": (3.0, 0.15),
     "evaluate": (1.0, 0.005),
     "fetch_weights": (20.0, 0.0),
     "picture": (3.0, 0.02),

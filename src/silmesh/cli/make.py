@@ -19,12 +19,14 @@ from silmesh.cli.outcome import (
     describe_repairs,
     export,
     find_doubts,
+    name_outputs,
     refuse_suffix,
 )
 from silmesh.cli.runner import RunError, Runner
 from silmesh.cli.workspace import Workspace, claim, name_links, place_of, try_workspace
 from silmesh.errors import InputError, shorten
 from silmesh.files import try_file
+from silmesh.geometry.obj_companions import try_companions
 from silmesh.geometry.thresholds import CONVINCING
 from silmesh.intake.photographs import (
     describe_count,
@@ -41,6 +43,7 @@ from silmesh.own_code import own_file
 from silmesh.planning.datasets import usable
 from silmesh.scene.diagnosis import MEASURED, describe_masks
 from silmesh.settings.fit import name_fit
+from silmesh.settings.texture import NONE
 from silmesh.silhouettes.mask import refuse_labels
 from silmesh.silhouettes.weights import CACHE
 
@@ -49,6 +52,7 @@ OTHER_KEEP = "--keep should name another folder"
 OTHER_CACHE = f"--keep FOLDER works in another one, and ${CACHE} may name another folder for all"
 PAGE = "results/report/report.html"
 RESULTS = ("mesh.glb", "mesh.obj", "metrics.json")
+TEXTURED = ("mesh.mtl", "mesh.png", "coloured.ply")  # beside these, of a mesh with a texture
 FILE = "file"  # the source of cameras that a path follows
 MASK = "mask"  # the source of silhouettes that are files
 TAKING_SETS = (None, "calibrate", "auto")  # sources of cameras; None where they are chosen
@@ -79,13 +83,13 @@ def make_mesh(
         masks: their folder; None where they are not given
         silhouettes, cameras: sources; None where they are to be chosen
         options: of the configuration: ``turntable``, ``sets``, ``size``, ``init``, ``preset``,
-            ``quality``, ``photometric``
+            ``quality``, ``photometric``, ``texture``
 
     Raises:
         InputError: what is named cannot be used
         RunError: a step of the workflow failed
     """
-    _try_outputs(output, page)
+    _try_outputs(output, page, options["texture"] != NONE)
     _refuse_sets(paths, options["sets"], cameras)
     folder, name = place_of(paths, keep)
     try_workspace(folder, OTHER_KEEP if keep else OTHER_CACHE)
@@ -101,7 +105,8 @@ def make_mesh(
         _say(*filter(None, [describe_unused(tries[0])]))
     work = Workspace(folder, name, tuple(files), tuple(found))
     work.check(*_configure(silhouettes, tries[0], options)[1:])
-    _refuse_inputs((output, page), (*paths, *files, *found, *_list_files(cameras)))
+    outputs = (*name_outputs(output, options["texture"] != NONE), page)
+    _refuse_inputs(outputs, (*paths, *files, *found, *_list_files(cameras)))
     if before := work.prepare():
         _say(f"the results in {work.folder} are of silmesh {before}; what changed is made anew")
     runner = Runner(work.folder, cores, verbose)
@@ -111,7 +116,7 @@ def make_mesh(
         variant, tried = _try(work, runner, bar, silhouettes, tries, options, besides)
     finally:
         bar.close()
-    export(work.folder / work.result(variant, ""), output)
+    export(work.folder / work.result(variant, ""), output, options["texture"] != NONE)
     if page:
         copy(work.folder / PAGE, page)
     _say_outcome(work, variant, tried, output, len(find_unread(named, files)))
@@ -131,8 +136,8 @@ def _say_outcome(
         _say(relief["said"])
     _say(*(_as_written(warning, tried[-1]) for warning in metrics["cameras"]["warnings"]))
     _say(*describe_repairs(metrics))
-    for stage in ("first", "fit"):
-        _say(*metrics[stage]["warnings"])
+    for stage in ("first", "fit", "texture"):
+        _say(*metrics.get(stage, {}).get("warnings", ()))
     doubts = find_doubts(metrics, work.folder / "results", tried, unread)
     click.echo(describe(output, metrics, doubts))
     _say(*(f"doubtful: {doubt}" for doubt in doubts))
@@ -150,7 +155,7 @@ def _list_files(cameras: str | None) -> Sequence[Path]:
     return locate(path).files if path else ()
 
 
-def _try_outputs(output: Path, page: Path | None) -> None:
+def _try_outputs(output: Path, page: Path | None, textured: bool) -> None:
     """Try whether what is asked for can be written where it is wanted.
 
     Raises:
@@ -158,11 +163,14 @@ def _try_outputs(output: Path, page: Path | None) -> None:
     """
     refuse_suffix(output)
     try_file(output)
+    written = name_outputs(output, textured)
+    if len(written) > 1:
+        try_companions(output)
     if page:
         try_file(page)
         if os.path.lexists(page) and is_picture(page):
             raise InputError(f"{page}: is a picture or a video; should be the page to write")
-        if _place_of(page) == _place_of(output):
+        if _place_of(page) in map(_place_of, written):
             raise InputError(f"{page}: should be another file than that of the mesh")
 
 
@@ -335,7 +343,8 @@ def _run(
         work.configure(row, values)
     except InputError as error:
         raise InputError(work.restore(str(error))) from error
-    runner.run([*(work.result(variant, name) for name in RESULTS), *besides], bar)
+    names = RESULTS if options["texture"] == NONE else (*RESULTS, *TEXTURED)
+    runner.run([*(work.result(variant, name) for name in names), *besides], bar)
     return variant
 
 
@@ -359,6 +368,7 @@ def _configure(
         "views": {"size": options["size"]},
         "quality": {"policy": options["quality"]},
         "variants": {variant: {"init": {"shape": init}, "fit": name_fit(preset, photometric)}},
+        "texture": {"size": options["texture"]},
     }
     return variant, row, values
 

@@ -16,6 +16,7 @@ from silmesh.settings.init import Init
 from silmesh.settings.quality import Quality
 from silmesh.settings.section import Name, Table
 from silmesh.settings.silhouettes import Networks, SilhouetteSource
+from silmesh.settings.texture import Texture
 from silmesh.settings.train import Train
 from silmesh.settings.views import Views
 
@@ -31,6 +32,7 @@ class Shared(Networks):
     quality: Quality = Field(
         Quality(), description="what is done with outliers among the silhouettes"
     )
+    texture: Texture = Field(Texture(), description="the colours of the mesh")
 
 
 class Variant(Shared):

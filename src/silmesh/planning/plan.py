@@ -187,6 +187,11 @@ class Run:
         return own_files(self.settings.fit.preset, self.settings.fit.renderer)
 
     @property
+    def textured(self) -> bool:
+        """Whether the mesh gets a texture, and not colours of its vertices alone."""
+        return self.settings.texture.wanted
+
+    @property
     def policy(self) -> str:
         """What is done with outliers: ``keep``, ``drop`` or ``repair``."""
         return self.settings.quality.policy
@@ -323,6 +328,11 @@ class Plan:
                 names[wildcard] |= set(values)
         found = {name: "|".join(map(re.escape, sorted(v))) or NEVER for name, v in names.items()}
         return found | {"object": NAME, "variant": NAME, "weights": "|".join(FOREGROUND_MODELS)}
+
+    def variants(self, textured: bool) -> str:
+        """A regular expression of the variants with a texture, or of those without."""
+        names = {run.variant for run in self.runs if run.textured == textured}
+        return "|".join(map(re.escape, sorted(names))) or NEVER
 
     def spares(self, object_: str, key: str) -> bool:
         """Whether no run with these silhouettes needs every one of them."""

@@ -34,6 +34,7 @@ from silmesh.report.measures import (
     show,
 )
 from silmesh.report.packing import encode_glb, pack, pack_json
+from silmesh.report.page_textures import ROOM, add_texture
 from silmesh.report.parts import LIBRARIES, SCRIPTS, STYLES, TEMPLATE
 from silmesh.report.pictures import crop_thumbnail
 from silmesh.report.tables import Run, objects_of
@@ -132,7 +133,7 @@ def write_page(
                 {name: g for (of, name), g in galleries.items() if of == object_},
                 settings,
                 truths.get(object_),
-                (len(objects), room),
+                (len(objects), room, ROOM / max(_count_textures(results), 1)),
             )
             for object_, variants in objects.items()
         ],
@@ -159,9 +160,12 @@ def _describe_object(
     galleries: Mapping[str, Mapping[str, Any]],
     settings: Mapping[str, Any],
     truth: trimesh.Trimesh | None,
-    shares: tuple[int, int],
+    shares: tuple[int, int, float],
 ) -> dict[str, Any]:
-    """All that the template shows of an object; ``shares``: objects, and bytes of a still."""
+    """All that the template shows of an object.
+
+    ``shares``: how many objects there are, bytes of a still, bytes of a texture.
+    """
     order = list(settings["configuration"]["variants"])
     chosen = {variant: run_settings(object_, variant, settings) for variant in results}
     thinned = {
@@ -173,7 +177,11 @@ def _describe_object(
         for name, gallery in galleries.items()
     }
     runs = [
-        _describe_run(variant, result, order) | {"still": _embed_still(result.picture, shares[1])}
+        _describe_run(variant, result, order)
+        | {
+            "still": _embed_still(result.picture, shares[1]),
+            "fitted": _add_texture(result, shares[2]),
+        }
         for variant, result in results.items()
     ]
     curves = _name_curves(results)
@@ -217,14 +225,25 @@ def _describe_run(variant: str, result: Result, order: Sequence[str]) -> dict[st
         "incoherent": is_incoherent(metrics),
         "initial": describe_initial(metrics.get("first", {})),
         "fit_warnings": metrics.get("fit", {}).get("warnings", []),
+        "texture_warnings": metrics.get("texture", {}).get("warnings", []),
         "thumbnail": _embed_thumbnail(result.picture),
         "cameras": metrics.get("cameras"),
-        "fitted": result.exhibit["fitted"],
         "initial_mesh": result.exhibit["first"],
         "standing": result.exhibit.get("standing"),
         "relief": describe_relief(metrics),
         "gallery": result.gallery,
     }
+
+
+def _count_textures(results: Mapping[Run, Result]) -> int:
+    return sum(result.exhibit.get("texture") is not None for result in results.values())
+
+
+def _add_texture(result: Result, room: float) -> str:
+    """A run's fitted mesh, with its texture if it has one for which there is room."""
+    texture = result.exhibit.get("texture")
+    fitted = result.exhibit["fitted"]
+    return fitted if texture is None else add_texture(fitted, texture, room)
 
 
 def _group_incoherent(results: Mapping[str, Result]) -> dict[tuple[str, str | None], list[str]]:

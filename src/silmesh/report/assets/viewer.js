@@ -122,7 +122,7 @@ silmesh.Viewer = class {
     placed.matrixAutoUpdate = false;
     placed.matrix.copy(geometry.matrix);
     if (what === "truth") placed.matrix.premultiply(new THREE.Matrix4().fromArray(shown.placed));
-    placed.add(...this.looks(geometry.shape));
+    placed.add(...this.looks(geometry));
     upright.add(placed);
     if (this.switches.cameras.checked) upright.add(this.frusta(shown));
     scene.add(upright, new THREE.AmbientLight(0xffffff, 1.1));
@@ -143,15 +143,18 @@ silmesh.Viewer = class {
       gltf.scene.updateMatrixWorld(true);
       let mesh = null;
       gltf.scene.traverse((node) => { if (node.isMesh) mesh = node; });
-      mesh.geometry.computeVertexNormals();
-      return { shape: mesh.geometry, matrix: mesh.matrixWorld };
+      if (!mesh.geometry.attributes.normal) mesh.geometry.computeVertexNormals();
+      return { shape: mesh.geometry, matrix: mesh.matrixWorld, texture: mesh.material.map };
     })());
   }
 
-  looks(shape) {
-    const coloured = this.switches.colours.checked && !!shape.attributes.color;
+  // In its texture, else in the colours of its vertices, if colours are wanted and there are any.
+  looks({ shape, texture }) {
+    const wanted = this.switches.colours.checked;
+    const coloured = wanted && !texture && !!shape.attributes.color;
     const outside = new THREE.MeshLambertMaterial({
-      color: coloured ? 0xffffff : 0xd6d1c7, vertexColors: coloured,
+      color: coloured || (wanted && texture) ? 0xffffff : 0xd6d1c7,
+      map: wanted ? texture : null, vertexColors: coloured,
       polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
     });
     const inside = new THREE.MeshLambertMaterial({ color: 0xb85c54, side: THREE.BackSide });
