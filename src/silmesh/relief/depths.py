@@ -19,9 +19,8 @@ import trimesh
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numba import njit
-from scipy.ndimage import uniform_filter
 
-from silmesh.relief.ncc import FLAT, OPTIONS, RADIUS, carry, correlate, gather
+from silmesh.relief.ncc import FLAT, OPTIONS, RADIUS, carry, correlate, find_detail, gather
 from silmesh.relief.sights import Sights
 
 NEIGHBOURS = 6  # views that a view is compared with
@@ -32,7 +31,7 @@ STEEPEST = 0.17  # cosine of the greatest angle between a plane's normal and its
 MARGIN = 0.01  # of the object's size: so far before the mesh the surface may be
 SURE = 0.985  # cross-correlation from which a plane is not changed at random any more
 ALIKE = 0.7  # cross-correlation from which a depth counts
-TEXTURE = 4.0  # grey levels: standard deviation of a window from which a depth counts
+TEXTURE = 3.0  # grey levels: deviation of a window from a slope from which a depth counts
 CONFIRMED = 2  # other views that have to find the same depth
 SPECK = 0.01  # share of a silhouette: a smaller patch of depths is an accident
 STEP = 3.0  # pixels by which depths of neighbouring pixels of a patch differ at most
@@ -151,11 +150,20 @@ def sweep(
 
 def find_texture(sights: Sights) -> np.ndarray:
     """Whether a pixel's window shows enough for a depth to count: [views, height, width] bool."""
-    size = (0, 2 * RADIUS + 1, 2 * RADIUS + 1)
-    images = sights.images.astype(np.float64)
-    mean = uniform_filter(images, size)
-    variance = uniform_filter(images**2, size) - mean**2
-    return (variance > TEXTURE**2) & sights.masks
+    found = np.zeros(sights.masks.shape, np.bool_)
+    with ThreadPoolExecutor(torch.get_num_threads()) as pool:
+        list(pool.map(_find_texture, sights.images, sights.masks, found))
+    return found
+
+
+@njit(**OPTIONS)
+def _find_texture(image, mask, found):
+    values, weights = np.empty(WINDOW, np.float32), np.empty(WINDOW, np.float32)
+    for r in range(image.shape[0]):
+        for c in range(image.shape[1]):
+            if mask[r, c]:
+                total, _ = gather(image, mask, c, r, values, weights)
+                found[r, c] = find_detail(values, weights, total) >= TEXTURE
 
 
 def _enlarge(small: Depths, found: Depths, i: int) -> None:
@@ -220,20 +228,71 @@ def _search(
                         n[:] = normals[r, c]
                         z = min(max(np.float64(depth[r, c]), low), high)
                         score[r, c] = -2
-                        _try(images, back, pair, c, r, z, n, values, weights, total, deviation, each, scratch, depth, normals, score)
+                        _try(
+                            images,
+                            back,
+                            pair,
+                            c,
+                            r,
+                            z,
+                            n,
+                            values,
+                            weights,
+                            total,
+                            deviation,
+                            each,
+                            scratch,
+                            depth,
+                            normals,
+                            score,
+                        )
                     elif not new:
                         score[r, c] = -2
                     if new:
                         score[r, c] = -2
                         n[:] = mesh_normals[r, c]
                         _face(n, x, y)
-                        _try(images, back, pair, c, r, np.float64(front[r, c]), n, values, weights, total, deviation, each, scratch, depth, normals, score)
+                        _try(
+                            images,
+                            back,
+                            pair,
+                            c,
+                            r,
+                            np.float64(front[r, c]),
+                            n,
+                            values,
+                            weights,
+                            total,
+                            deviation,
+                            each,
+                            scratch,
+                            depth,
+                            normals,
+                            score,
+                        )
                         for k in range(RANDOM):
                             z = low + (high - low) * np.random.random()
                             for axis in range(3):
                                 n[axis] = np.random.normal()
                             _face(n, x, y)
-                            _try(images, back, pair, c, r, z, n, values, weights, total, deviation, each, scratch, depth, normals, score)
+                            _try(
+                                images,
+                                back,
+                                pair,
+                                c,
+                                r,
+                                z,
+                                n,
+                                values,
+                                weights,
+                                total,
+                                deviation,
+                                each,
+                                scratch,
+                                depth,
+                                normals,
+                                score,
+                            )
                     continue
                 for k in range(2):
                     i, j = (r + step, c) if k else (r, c + step)
@@ -248,7 +307,24 @@ def _search(
                     z = depth[i, j] * (n[0] * xi + n[1] * yi + n[2]) / facing
                     if low <= z <= high:
                         _face(n, x, y)
-                        _try(images, back, pair, c, r, z, n, values, weights, total, deviation, each, scratch, depth, normals, score)
+                        _try(
+                            images,
+                            back,
+                            pair,
+                            c,
+                            r,
+                            z,
+                            n,
+                            values,
+                            weights,
+                            total,
+                            deviation,
+                            each,
+                            scratch,
+                            depth,
+                            normals,
+                            score,
+                        )
                 if depth[r, c] <= 0 or score[r, c] > SURE:
                     continue
                 for k in range(2):
@@ -258,7 +334,24 @@ def _search(
                         n[axis] = normals[r, c, axis] + spread * 2 * np.random.normal()
                     if low <= z <= high:
                         _face(n, x, y)
-                        _try(images, back, pair, c, r, z, n, values, weights, total, deviation, each, scratch, depth, normals, score)
+                        _try(
+                            images,
+                            back,
+                            pair,
+                            c,
+                            r,
+                            z,
+                            n,
+                            values,
+                            weights,
+                            total,
+                            deviation,
+                            each,
+                            scratch,
+                            depth,
+                            normals,
+                            score,
+                        )
 
 
 @njit(**OPTIONS)
@@ -282,7 +375,24 @@ def _face(n, x, y):
 
 
 @njit(**OPTIONS)
-def _try(images, back, pair, c, r, z, n, values, weights, total, deviation, each, scratch, depth, normals, score):
+def _try(
+    images,
+    back,
+    pair,
+    c,
+    r,
+    z,
+    n,
+    values,
+    weights,
+    total,
+    deviation,
+    each,
+    scratch,
+    depth,
+    normals,
+    score,
+):
     """Take a plane for a pixel if the neighbours agree more with it than with its own."""
     count = 0
     views = len(pair.views)
@@ -291,7 +401,9 @@ def _try(images, back, pair, c, r, z, n, values, weights, total, deviation, each
         u, v = carry(back, pair.A[k], pair.b[k], c, r, z, n, scratch[0], scratch[1])
         if not u >= 0:
             continue
-        alike = correlate(values, weights, total, deviation, images[pair.views[k]], u, v, scratch[0], scratch[1])
+        alike = correlate(
+            values, weights, total, deviation, images[pair.views[k]], u, v, scratch[0], scratch[1]
+        )
         at = count  # in falling order
         while at and each[at - 1] < alike:
             each[at] = each[at - 1]
@@ -345,8 +457,8 @@ def _confirm(image, mask, depths, scores, view, back, pair, votes):
             z = depths[view, r, c]
             if z <= 0 or scores[view, r, c] < ALIKE:
                 continue
-            total, deviation = gather(image, mask, c, r, values, weights)
-            if deviation < TEXTURE:
+            total, _ = gather(image, mask, c, r, values, weights)
+            if find_detail(values, weights, total) < TEXTURE:
                 continue
             x = (back[0, 0] * c + back[0, 1] * r + back[0, 2]) * z
             y = (back[1, 1] * r + back[1, 2]) * z

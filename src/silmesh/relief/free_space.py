@@ -29,8 +29,8 @@ ENOUGH = 3.0  # weight of views from which the mesh says nothing any more
 MESH = 1.0  # weight of the mesh where no view speaks
 HELD = 1.0  # weight of the views that end at a place, below which a depth counts no more
 SURER = 2.0  # weight of the views that end at a place over that of those that see through it
-SMOOTH = 0.3
-ROUNDS = 30
+SMOOTH = 2.0
+ROUNDS = 40
 
 
 @dataclass(frozen=True)
@@ -197,7 +197,11 @@ def _doubt(votes, depth, weight, close, eye, to_grid):
                 continue
             z = depth[r, c]
             way = (c + 0.5) * to_grid[0] + (r + 0.5) * to_grid[1] + to_grid[2]
-            i, j, k = int(eye[0] + z * way[0] + 0.5), int(eye[1] + z * way[1] + 0.5), int(eye[2] + z * way[2] + 0.5)
+            i, j, k = (
+                int(eye[0] + z * way[0] + 0.5),
+                int(eye[1] + z * way[1] + 0.5),
+                int(eye[2] + z * way[2] + 0.5),
+            )
             if close[i, j, k] < SURER * (weight[i, j, k] - close[i, j, k]) or close[i, j, k] < HELD:
                 votes[r, c] = 0
                 gone += 1

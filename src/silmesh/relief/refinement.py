@@ -12,12 +12,28 @@ from scipy.ndimage import binary_erosion
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.originals import Originals
 from silmesh.progress import Share, untold, within
-from silmesh.relief.depths import Depths, Rays, cast_rays, confirm, find_neighbours, find_texture, sweep
+from silmesh.relief.depths import (
+    Depths,
+    Rays,
+    cast_rays,
+    confirm,
+    find_neighbours,
+    find_texture,
+    sweep,
+)
 from silmesh.relief.free_space import Grid, doubt, fuse, measure, settle
 from silmesh.relief.outlines import PUT_BACK, cover, strike
 from silmesh.relief.rims import match_rims
 from silmesh.relief.sights import Sights, look
-from silmesh.relief.surface import GUESS, OUTLINE, PHOTOGRAPHS, STANDINGS, extract, judge_standing, simplify
+from silmesh.relief.surface import (
+    GUESS,
+    OUTLINE,
+    PHOTOGRAPHS,
+    STANDINGS,
+    extract,
+    judge_standing,
+    simplify,
+)
 
 LONGEST = 400  # pixels of the object in the finer of the two sizes that depths are found at
 COARSE, FINE = 4, 1  # passes over the rows at each size
@@ -26,7 +42,7 @@ DOUBTS = 2  # rounds in which depths that others see through are left out
 STRIKES = 4  # most rounds in which depths that contradict silhouettes are struck
 VERTICES = 16_000  # of the refined surface, if the mesh has no more
 FEW = 0.03  # share of the pixels that see the mesh: fewer depths say too little
-DENIED = 0.25  # share of those with texture, of which fewer with a depth are gloss
+DENIED = 0.3  # share of those with texture, of which fewer with a depth are gloss
 INNER = 2  # pixels within a silhouette from which on nothing may be missing
 
 
