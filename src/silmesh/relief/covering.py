@@ -11,7 +11,6 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import torch
 from numba import njit
-
 from scipy.ndimage import binary_dilation
 
 from silmesh.geometry.camera import Cameras
