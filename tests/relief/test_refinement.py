@@ -172,3 +172,11 @@ def test_without_texture_the_surface_stays_as_it_is(tmp_path, paint):
         assert "photographs agree on" in relief.notes["reason"]
         assert not (relief.standing == PHOTOGRAPHS).any()
         assert (relief.standing == GUESS).any()
+
+
+def test_what_is_thinner_than_the_grid_stays_as_it_is(textured):
+    leaf = trimesh.creation.box((0.6, 0.6, 1e-4))
+    scene = textured
+    relief = refine(leaf, scene.originals, scene.silhouettes, scene.cameras, kept=range(0, 32, 4))
+    assert not relief.changed
+    assert np.array_equal(relief.verts, leaf.vertices)

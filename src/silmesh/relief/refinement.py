@@ -94,7 +94,8 @@ def refine(
     covered = rays.front > 0
     depths, textured = (votes > 0).sum(), (find_texture(sights) & covered).sum()
     shares = float(depths / max(1, covered.sum())), float(depths / max(1, textured))
-    reason = _refuse(*shares)
+    thin = "" if solved.surface is not None else "the object is thinner than the grid"
+    reason = _refuse(*shares) or thin
     close = np.zeros_like(solved.close) if reason else solved.close
     surface = mesh if reason else _finish(solved.surface, mesh, believed, masks.shape[1:])
     verts, faces = np.asarray(surface.vertices), np.asarray(surface.faces)
@@ -145,9 +146,9 @@ def find_depths(
 
 @dataclass(frozen=True)
 class Solved:
-    """A surface that depths and silhouettes agree on."""
+    """A surface that depths and silhouettes agree on; None if it is thinner than the grid."""
 
-    surface: trimesh.Trimesh
+    surface: trimesh.Trimesh | None
     close: np.ndarray
     notes: dict[str, Any] = field(default_factory=dict)
 
@@ -170,12 +171,12 @@ def solve(
     for _ in range(STRIKES):
         weight, mean, close = fuse(sights, found, votes, bound, grid)
         solid = settle(bound, weight, mean)
-        missing, lost, _ = cover(solid, bound, grid, inner, cameras)
-        gone = strike(votes, found, sights, missing, grid) if lost else 0
+        missing = cover(solid, bound, grid, inner, cameras)
+        gone = strike(votes, found, sights, missing, grid) if missing.any() else 0
         struck += gone
         if not gone:
             break
-    missing, _, _ = cover(solid, bound, grid, masks, cameras)
+    missing = cover(solid, bound, grid, masks, cameras)
     solid[missing] = np.maximum(solid[missing], PUT_BACK)
     notes = {"doubted": doubted, "struck": struck, "put_back": int(missing.sum())}
-    return Solved(extract(solid, grid), close, notes)
+    return Solved(extract(solid, grid) if (solid > 0).any() else None, close, notes)
