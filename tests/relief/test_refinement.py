@@ -14,9 +14,9 @@ from silmesh.geometry.camera import Cameras
 from silmesh.geometry.originals import Originals
 from silmesh.geometry.visual_hull import carve
 from silmesh.relief.depths import cast_rays, find_neighbours, sweep
-from silmesh.relief.refinement import GUESS, PHOTOGRAPHS, Relief, refine
+from silmesh.relief.refinement import Relief, refine
 from silmesh.relief.sights import look
-from silmesh.relief.surface import simplify
+from silmesh.relief.surface import GUESS, PHOTOGRAPHS, simplify
 from silmesh.shapes.downsample import render
 from silmesh.synthetic.orbit import photograph_cameras
 from silmesh.synthetic.paints import coat, rgb, speckle
@@ -64,7 +64,7 @@ def stand_about(size: int) -> Cameras:
     ]
     views = sum((ring.views for ring in rings), ())
     return Cameras(
-        *(views, *(torch.cat([getattr(r, k) for r in rings]) for k in "sizes K R t".split()))
+        *(views, *(torch.cat([getattr(r, k) for r in rings]) for k in ["sizes", "K", "R", "t"]))
     )
 
 
@@ -172,3 +172,11 @@ def test_without_texture_the_surface_stays_as_it_is(tmp_path, paint):
         assert "photographs agree on" in relief.notes["reason"]
         assert not (relief.standing == PHOTOGRAPHS).any()
         assert (relief.standing == GUESS).any()
+
+
+def test_what_is_thinner_than_the_grid_stays_as_it_is(textured):
+    leaf = trimesh.creation.box((0.6, 0.6, 1e-4))
+    scene = textured
+    relief = refine(leaf, scene.originals, scene.silhouettes, scene.cameras, kept=range(0, 32, 4))
+    assert not relief.changed
+    assert np.array_equal(relief.verts, leaf.vertices)

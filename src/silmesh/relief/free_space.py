@@ -1,9 +1,9 @@
 """What depths say of the space before and about them, on a grid, with the mesh as the outer bound.
 
 Every depth that counts says that the ray before it is free, and where the surface lies: along the
-normal of its plane a voxel has the signed distance s, positive inside. What a view sees is averaged,
-cut off at +-1 for the distance BAND (Curless and Levoy 1996); what lies further behind a depth it
-says nothing of. Where few speak, the mesh does. The field u then minimises
+normal of its plane a voxel has the signed distance s, positive inside. What views see is averaged,
+cut off at +-1 for the distance BAND (Curless and Levoy 1996); what lies further behind a depth
+it says nothing of. Where few speak, the mesh does. The field u then minimises
 
     sum over voxels of w (u - s)^2 + SMOOTH sum over neighbours of (u - u')^2
 """
@@ -110,7 +110,7 @@ def fuse(
 
     def fill(x: int) -> None:
         part = bound[x], weight[x], mean[x], close[x]
-        origin = grid.origin + [x * grid.spacing, 0, 0]
+        origin = grid.origin + np.array([x * grid.spacing, 0, 0])
         planes = found.depth, found.normals, found.score, votes
         _fuse(*part, origin, grid.spacing, P, back, sights.R, *planes)
 
