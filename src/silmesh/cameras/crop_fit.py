@@ -12,8 +12,10 @@ import numpy as np
 from scipy.optimize import OptimizeResult
 
 from silmesh.cameras.consensus import Consensus
-from silmesh.cameras.crops import OWN, Cropped
-from silmesh.cameras.frontier import SCALE, to_maps
+from silmesh.cameras.crop_deviations import find_deviations
+from silmesh.cameras.crop_gauge import move_world
+from silmesh.cameras.crops import Cropped
+from silmesh.cameras.frontier import SCALE
 from silmesh.cameras.turntable_fit import (
     ARCS,
     CLEAR,
@@ -27,10 +29,8 @@ from silmesh.cameras.turntable_fit import (
     root_mean_square,
 )
 from silmesh.cameras.turntable_residuals import (
-    AXIS,
     COARSE_SAMPLES,
     COARSE_VIEWS,
-    INDEPENDENT,
     NAMES,
     NOISE,
     STEP,
@@ -99,7 +99,7 @@ class CropFit:
     def changes(self) -> bool:
         """Whether the crops differ by more than the place of the object in the world explains."""
         own, crops = self.cropped.split(self.x)
-        moves = _move_world(self.cropped, own, crops)
+        moves = move_world(self.cropped.turn, own, crops, self.cropped.ratios)
         wanted = crops.reshape(-1, 1)
         left = wanted - moves @ np.linalg.lstsq(moves, wanted, rcond=None)[0]
         left = np.abs(left.reshape(crops.shape)[self.agrees])
@@ -109,30 +109,11 @@ class CropFit:
     def deviations(self, known: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """Standard deviations of the turntable's parameters, and of the crops [views, 3].
 
-        From the derivatives of the residuals at the fit. What moves all crops with the object in
-        the world does not count, since the silhouettes need not tell it.
+        Args:
+            known: parameters that were given
         """
-        cropped, views = self.cropped, len(self.agrees)
-        part = cropped.select(np.arange(views), 2)
-        turn, own = part.at(self.x)
-        misses = part.misses(self.x)
-        slopes = part.slopes(self.x, misses)
-        slopes[~self.agrees] = 0
-        crops = cropped.own_crops(len(own))
-        shared = [i for i in range(turn.shared) if i not in (*known, AXIS)]
-        free = np.r_[shared, crops].astype(int)
-        data = slopes.reshape(-1, len(self.x))[:, free]
         noise = max(NOISE, root_mean_square(self.pixels[self.agrees]))
-        weight = INDEPENDENT / turn.outlines.known.shape[1] / noise**2
-        prior = np.r_[turn.prior()[1], cropped.spread()][free]
-        covariance = np.linalg.pinv(weight * data.T @ data + np.diag(prior**-2.0))
-        sd = np.zeros(len(self.x))
-        sd[free] = np.sqrt(np.diag(covariance))
-        moves = _move_world(cropped, own, cropped.split(self.x)[1])[crops - len(own)]
-        still = np.eye(len(crops)) - moves @ np.linalg.pinv(moves)
-        own_part = covariance[len(shared) :, len(shared) :]
-        sd[crops] = np.sqrt(np.diag(still @ own_part @ still.T).clip(0))
-        return sd[: len(own)], sd[len(own) :].reshape(views, -1)
+        return find_deviations(self.cropped, self.x, self.agrees, noise, known)
 
 
 def fit_crops(
@@ -175,17 +156,6 @@ def fit_crops(
     if not agrees.all() and agrees.sum() >= FEWEST_AGREEING:
         x, pixels, agrees = _fit_agreeing(cropped, x, agrees, shared)
     return CropFit(cropped, x, rivals, mirror, pixels, agrees)
-
-
-def _move_world(cropped: Cropped, own: np.ndarray, crops: np.ndarray) -> np.ndarray:
-    """How crops change with the object's place and size in the world: [views * 3, 4]."""
-    K, R, t = cropped.turn.camera(own)
-    scale = to_maps(crops, cropped.ratios)[:, 0]
-    moves = np.zeros((len(crops), OWN, 4))
-    moves[:, :SCALE, :3] = scale[:, :, None] * R[:, :2] * np.diag(K)[:2, None] / t[:, 2, None, None]
-    moves[:, SCALE, :3] = -R[:, 2] / t[:, 2, None]
-    moves[:, SCALE, 3] = 1
-    return moves.reshape(-1, 4)
 
 
 def _find_free(given: Given) -> np.ndarray:

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from silmesh.cameras.crop_gauge import aim
 from silmesh.cameras.frontier import NUDGE as CROP_NUDGE
 from silmesh.cameras.frontier import (
     SCALE,
@@ -27,6 +28,7 @@ from silmesh.cameras.gauss_newton import Problem, minimise, remember_last
 from silmesh.cameras.silhouette_coherence import Misses, measure_at
 from silmesh.cameras.turntable_residuals import (
     AXIS,
+    ELEVATION,
     INDEPENDENT,
     NOISE,
     NUDGE,
@@ -236,7 +238,14 @@ class Cropped:
             residuals, slopes, weights, mean[free], worth * sd[free] ** -2.0, *limits[:, free]
         )
         own, crops = self.split(whole(minimise(problem, start[free], steps)))
+        if self.level and ELEVATION in shared:
+            own, crops = aim(turn, own, crops, self.middles(), self.ratios)
         return np.r_[own, crops.ravel()]
+
+    def middles(self) -> np.ndarray:
+        """Of the outlines' boxes: [views, 2] pixels, NaN where the frame cuts the object."""
+        middles = (self.hulls.min(axis=1) + self.hulls.max(axis=1)) / 2
+        return np.where(self.whole[:, None], middles, np.nan)
 
     def _touch(self, frontier: Frontier, x: np.ndarray) -> np.ndarray:
         own, crops = self.split(x)
