@@ -109,10 +109,14 @@ class CropFit:
     def deviations(self, known: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """Standard deviations of the turntable's parameters, and of the crops [views, 3].
 
+        Residuals larger than the noise of outlines are of a minimum that was not quite reached, or
+        of steps that are not even: they err alike all along an outline, so they count twice.
+
         Args:
             known: parameters that were given
         """
-        noise = max(NOISE, root_mean_square(self.pixels[self.agrees]))
+        rms = root_mean_square(self.pixels[self.agrees])
+        noise = max(NOISE, rms**2 / NOISE)
         return find_deviations(self.cropped, self.x, self.agrees, noise, known)
 
 
