@@ -84,6 +84,10 @@ class Cropped:
         hulls, ratios, whole = (v[views] for v in (self.hulls, self.ratios, self.whole))
         return replace(self, turn=part, hulls=hulls, ratios=ratios, whole=whole)
 
+    def only(self, samples: np.ndarray) -> "Cropped":
+        """The same with residuals only at some points of outlines, [samples] bool."""
+        return replace(self, turn=self.turn.only(samples))
+
     def thin(self, views: int, samples: int) -> tuple["Cropped", np.ndarray]:
         """The same of fewer views and points, for a search, and the positions of the views."""
         count = len(self.hulls)
@@ -222,6 +226,11 @@ class Cropped:
         """Mean soft L1 loss of the residuals, in square pixels."""
         turn, own = self.at(x)
         return turn.cost(own)
+
+    def view_costs(self, x: np.ndarray) -> np.ndarray:
+        """The cost of each view: [views]."""
+        turn, own = self.at(x)
+        return turn.view_costs(own)
 
 
 def _start_crops(hulls: np.ndarray, ratios: np.ndarray, size: int, scaled: bool) -> np.ndarray:
