@@ -218,17 +218,19 @@ def calibrate(
     given = Given(len(views), step, elevation, above_table)
     repeated = _find_repeated(silhouettes[shown], named)
     fewest = max(SHARE * (len(shown) + len(full)), FEWEST_AGREEING)
+    crops = Crops(silhouettes, frames, scales)
     if split:
         found = fit_split(turn, split, rounds, silhouettes, above_table, fewest, True, progress)
     else:
-        crops = Crops(silhouettes, frames, scales)
         found = fit_any(turn, given, silhouettes, signs, crops, fewest, guess, progress)
     progress(1)
     if found.is_of_all:
-        _refuse_incoherent(found, repeated, signs)
+        _refuse_incoherent(found, [*repeated, *crops.say_cut(turn)], signs)
     verdict = None if found.is_of_all else found.verdict
     disagreeing = {views[i]: FULL for i in full} | _name_disagreeing(verdict, named)
     said = [*repeated, *_warn_of_disagreement(disagreeing, views)]
+    if found.crops or (disagreeing and crops.are_cut(turn)):
+        said += _tell_cut(found, crops.say_cut(turn))
     if not (found.crops and found.crops.cropped.whole.all()):
         said += _find_cut(turn, named)
     pixels = {} if verdict is None else dict(zip(shown, verdict.pixels, strict=True))
@@ -375,6 +377,17 @@ def _refuse_incoherent(
         f"outlines miss each other by {fit.rms:.2g} pixels (root mean square; at most "
         f"{allowed:.2g} is accepted){most}" + "".join(f"; {s}" for s in said) + CHECK_SERIES
     )
+
+
+def _tell_cut(found: Found, cut: Sequence[str]) -> Sequence[str]:
+    """Refuse crops that seem to cut the object and contradict each other; otherwise say so."""
+    if cut and found.crops and not found.is_of_all:
+        agree = found.verdict.agrees
+        raise InputError(
+            f"cameras 'calibrate': the photographs seem to be cropped one by one, but crops "
+            f"explain {agree.sum()} of {len(agree)} views only; {cut[0]}"
+        )
+    return cut
 
 
 def _say_tried(found: Found) -> list[str]:
@@ -549,7 +562,8 @@ def _say_crops(crops: dict[str, Crop]) -> list[str]:
     return [
         f"the photographs are taken to be cropped one by one: shifted by up to {x:.1f} and {y:.1f} "
         f"pixels of the working images against each other (+- {sd[0]:.1f} and {sd[1]:.1f}){said}; "
-        "photographs that were not cropped tell more, of the elevation above all"
+        "where their middles were before, nothing shows: the camera is taken to have been aimed at "
+        "the object, and the elevation is that of its line of sight"
     ]
 
 

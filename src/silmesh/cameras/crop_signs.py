@@ -64,6 +64,21 @@ def are_tight(silhouettes: np.ndarray, frames: np.ndarray | None) -> bool:
     return bool(((touch[:, 0] & touch[:, 2]) | (touch[:, 1] & touch[:, 3])).mean() >= MOST)
 
 
+def measure_contact(silhouettes: np.ndarray, frames: np.ndarray | None) -> np.ndarray:
+    """Over which share of two opposite sides of its photograph each silhouette lies: [views].
+
+    The lesser of both sides, at whichever pair of sides it is more. A box about a rounded object
+    touches it at points; a crop that cuts it, along lines.
+    """
+    frames = whole_frames(silhouettes) if frames is None else np.asarray(frames)
+    found = []
+    for silhouette, (left, top, right, bottom) in zip(silhouettes, frames, strict=True):
+        inside = silhouette[top:bottom, left:right]
+        sides = [(inside[:, 0], inside[:, -1]), (inside[0], inside[-1])]
+        found.append(max(min(one.mean(), other.mean()) for one, other in sides))
+    return np.array(found)
+
+
 def are_alike(silhouettes: np.ndarray) -> bool:
     """Whether all silhouettes are the same but for their place and size.
 

@@ -115,7 +115,7 @@ def fit_most(
     given: Given,
     fewest: float,
     progress: Share,
-    otherwise: Callable[[], tuple[TurntableFit, Consensus | None] | None] = lambda: None,
+    otherwise: Callable[[Share], tuple[TurntableFit, Consensus | None] | None] = lambda told: None,
     patient: bool = True,
 ) -> tuple[TurntableFit, Consensus | None]:
     """Fit all views or, if these contradict each other, those that agree.
@@ -123,7 +123,7 @@ def fit_most(
     Args:
         fewest: views that have to agree
         otherwise: is asked, where some views contradict others, for a fit of another kind, which
-            is taken if there is one
+            is taken if there is one; tells its own progress
         patient: whether views that agree are looked for even if most contradict the others by far
     Returns:
         the fit, and how far the views agree if that had to be asked
@@ -135,7 +135,8 @@ def fit_most(
     fit = solve(turn, starts, given, progress) if cost <= HOPELESS * suspect else None
     if len(turn.index) < FEWEST_AGREEING or (fit and fit.rms <= suspect):
         return fit or solve(turn, starts, given, progress), None
-    if other := otherwise():
+    asked = RESOLVED if fit else SEARCHED
+    if other := otherwise(within(progress, asked, (asked + AGREED) / 2)):
         return other
     if not patient and _is_lost(thin, starts[0]):
         return fit or solve(turn, starts, given, progress), None
@@ -145,7 +146,7 @@ def fit_most(
         free_parameters(turn, given.known),
         allowed,
         np.random.default_rng(0),
-        within(progress, RESOLVED if fit else SEARCHED, AGREED),
+        within(progress, (asked + AGREED) / 2, AGREED),
     )
     if verdict.agrees.sum() >= fewest and not verdict.agrees.all():
         agreeing = np.flatnonzero(verdict.agrees)
