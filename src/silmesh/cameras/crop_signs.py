@@ -30,13 +30,18 @@ def see_crops(
     sides = frames[:, 2:] - frames[:, :2]
     if scales is not None:
         sizes = Counter(map(tuple, np.round(sides / scales, 0).astype(int).tolist()))
-        if len(sizes) > max(SIZES * len(silhouettes), 3):
+        if are_many_sizes(len(sizes), len(silhouettes)):
             return f"they have {len(sizes)} different sizes"
     margins = find_margins(silhouettes, frames)
     apart = np.abs(margins[:, :2] - margins[:, 2:]).max(axis=1)
     if (apart <= CENTRED * sides.max(axis=1) + 1).mean() >= MOST:
         return "the object is in the middle of nearly all of them"
     return ""
+
+
+def are_many_sizes(sizes: int, views: int) -> bool:
+    """Whether photographs of so many sizes were cropped one by one, and not of two cameras."""
+    return sizes > max(SIZES * views, 3)
 
 
 def find_margins(silhouettes: np.ndarray, frames: np.ndarray) -> np.ndarray:
