@@ -125,27 +125,23 @@ def test_the_truth_lies_within_what_is_said_of_it():
 
 @pytest.mark.slow
 def test_steps_that_are_not_even_are_found_with_crops():
-    body = make_body(502)
-    cropped = crop(stand(16, 20.0, 2.2, uneven=2.0), body[0])
+    body, told = make_body(505), []
+    cropped = crop(stand(16, 20.0, 2.2, uneven=4.0), body[0])
     silhouettes = render(cropped, body)
-    attempt = attempt_calibration(silhouettes, cropped.views, step=22.5)
+    attempt = attempt_calibration(silhouettes, cropped.views, step=22.5, progress=told.append)
+    assert told == sorted(told)
+    assert len({share for share in told if 0.5 <= share < 0.9}) > 10  # while crops are sought
     offsets = np.array(list(attempt.figures["offsets"].values()))
-    true = np.random.default_rng(7).normal(0, 2.0, 16)
+    true = np.random.default_rng(7).normal(0, 4.0, 16)
     assert np.corrcoef(offsets, true)[0, 1] > 0.7
     assert not attempt.figures["disagreeing"]
-    assert normalise(attempt.cameras, silhouettes).overall > 0.99
+    assert normalise(attempt.cameras, silhouettes).overall > 0.995
 
 
 def test_crops_that_cut_the_object_are_told_or_refused():
     body = make_body(503)
-    told = []
-    attempt = attempt_calibration(
-        render(crop(stand(COUNT, 15.0, 2.2), body[0], -0.15), body),
-        [f"v{i:02d}" for i in range(COUNT)],
-        step=30.0,
-        progress=told.append,
-    )
+    cropped = crop(stand(COUNT, 15.0, 2.2), body[0], margin=-0.15)
+    attempt = attempt_calibration(render(cropped, body), cropped.views, step=30.0)
     said = attempt.refusal or "; ".join(attempt.warnings)
     assert "the silhouettes lie along opposite edges of their photographs" in said
     assert "crop it with a small margin" in said
-    assert len(set(told)) > 20

@@ -225,11 +225,11 @@ def calibrate(
         found = fit_any(turn, given, silhouettes, signs, crops, fewest, guess, progress)
     progress(1)
     if found.is_of_all:
-        _refuse_incoherent(found, [*repeated, *crops.say_cut(turn)], signs)
+        _refuse_incoherent(found, [*repeated, *crops.say_cut(turn), *crops.say_sets()], signs)
     verdict = None if found.is_of_all else found.verdict
     disagreeing = {views[i]: FULL for i in full} | _name_disagreeing(verdict, named)
     said = [*repeated, *_warn_of_disagreement(disagreeing, views)]
-    if found.crops or (disagreeing and crops.are_cut(turn)):
+    if found.crops or crops.told or (disagreeing and crops.are_cut(turn)):
         said += _tell_cut(found, crops.say_cut(turn))
     if not (found.crops and found.crops.cropped.whole.all()):
         said += _find_cut(turn, named)

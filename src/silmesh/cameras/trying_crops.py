@@ -34,10 +34,23 @@ class Crops:
         return self.silhouettes[views], *both
 
     @cached_property
+    def because(self) -> str:
+        """Why the photographs seem to have been cropped; "" if nothing shows it."""
+        return see_crops(*self.of(np.flatnonzero(self.silhouettes.any(axis=(1, 2)))))
+
+    @property
     def told(self) -> bool:
         """Whether the photographs show that they were cropped."""
-        shown = np.flatnonzero(self.silhouettes.any(axis=(1, 2)))
-        return bool(see_crops(*self.of(shown)))
+        return bool(self.because)
+
+    def say_sets(self) -> list[str]:
+        """How several rounds are given that were cropped, if photographs seem to be."""
+        said = (
+            f"the photographs seem to be cropped one by one, since {self.because}: then one round "
+            "explains them at most; of several rounds give each as a set, in the column 'sets' or "
+            "by --sets"
+        )
+        return [said] if self.because else []
 
     def fit(self, turn: Turntable, given: Given, progress: Share = untold) -> CropFit | None:
         """The turntable of views that were cropped one by one.
