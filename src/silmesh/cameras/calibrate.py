@@ -74,6 +74,11 @@ REFUSED = 4.0  # pixels, as SUSPECT: root mean square residual from which a turn
 # Share of the views with a silhouette that have to agree on a turntable, beside FEWEST_AGREEING.
 SHARE = 0.55
 FULL = "it fills its photograph"
+AIMED = (
+    "nothing shows: the camera is taken to have been aimed at the object, and the elevation is "
+    "that of its line of sight"
+)
+AIMED_AS_GIVEN = "follows from the elevation that was given"
 TURNED = 5.0  # degrees: phases that differ by less are the same
 
 
@@ -436,7 +441,7 @@ def _report(
     because = found.split.because if found.split else ""
     warnings = [
         *_say_rounds(rounds, because),
-        *_say_crops(crops),
+        *_say_crops(crops, estimates),
         *said,
         *([LATHE] if alike else _warn_of_estimates(estimates)),
         *([] if alike else _warn_of_rivals(estimates, fit.rivals, certain, fit.mirror)),
@@ -549,7 +554,7 @@ def _describe_crops(fit: CropFit, sd: np.ndarray, views: Sequence[str]) -> dict[
     }
 
 
-def _say_crops(crops: dict[str, Crop]) -> list[str]:
+def _say_crops(crops: dict[str, Crop], estimates: dict[str, Estimate]) -> list[str]:
     """A sentence that says that the views were cropped, if they were."""
     if not crops:
         return []
@@ -559,11 +564,11 @@ def _say_crops(crops: dict[str, Crop]) -> list[str]:
     scaled = max(scales) > min(scales)
     said = f", scaled from {min(scales):.2f} to {max(scales):.2f} (+- {sd[2]:.1%})" * scaled
     x, y = np.ptp(shifts, axis=0)
+    given = estimates["elevation"].status == "given"
     return [
         f"the photographs are taken to be cropped one by one: shifted by up to {x:.1f} and {y:.1f} "
         f"pixels of the working images against each other (+- {sd[0]:.1f} and {sd[1]:.1f}){said}; "
-        "where their middles were before, nothing shows: the camera is taken to have been aimed at "
-        "the object, and the elevation is that of its line of sight"
+        f"where their middles were before, {AIMED_AS_GIVEN if given else AIMED}"
     ]
 
 
