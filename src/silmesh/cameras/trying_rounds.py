@@ -39,7 +39,8 @@ from silmesh.progress import Share, within
 from silmesh.settings.turntable import Turntable as Known
 
 SPLITS = 3  # ways to divide the photographs into rounds that are tried
-ONE, HALF = 0.8, 0.5  # shares of the time after which one round, and a first kind of guess, end
+# Shares of the time after which one round, crops that are told, and a first kind of guess, end.
+ONE, CROPS, HALF = 0.8, 0.8, 0.5
 CLEARLY = 0.8  # of the views: if a fit explains so many, nothing else is tried
 # Where the photographs tell of crops, they are tried from this share of the residual that makes
 # views suspect, and taken up to this share of one round's residual.
@@ -149,10 +150,10 @@ class _Rounds:
             self.tried.append(found)
             if self._is_good(found):
                 return found.fit, found.verdict
-        if self.crops.told and (found := self._try_crops(within(progress, 0, HALF))):
+        if self.crops.told and (found := self._try_crops(within(progress, 0, CROPS))):
             return found.fit, found.verdict
         clear = [split for split in self._told if split.clear][:SPLITS]
-        return self._try(clear, within(progress, HALF * self.crops.told, 1))
+        return self._try(clear, within(progress, CROPS * self.crops.told, 1))
 
     def try_clearer(self, one: Found, progress: Share) -> Found | None:
         """The crops, where the photographs tell of them and they fit all views clearly better.
