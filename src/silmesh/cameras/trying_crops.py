@@ -59,7 +59,7 @@ class Crops:
         no sign tells of crops and the views differ in place and size alone.
         """
         silhouettes, frames, scales = self.of(turn.index)
-        if self.are_cut(turn) or len(turn.index) < FEWEST_AGREEING:
+        if self.are_cut(turn) or self._count_whole(turn) < FEWEST_AGREEING:
             return None
         if not self.told and are_alike(silhouettes):
             return None
@@ -72,12 +72,12 @@ class Crops:
 
     def are_cut(self, turn: Turntable) -> bool:
         """Whether the frame cuts the object in too many views, which are not tight about it."""
+        return self._count_whole(turn) < WHOLE * len(turn.index)
+
+    def _count_whole(self, turn: Turntable) -> int:
         silhouettes, frames, _ = self.of(turn.index)
-        whole = (~turn.outlines.cut).sum()
-        enough = max(FEWEST_AGREEING, WHOLE * len(turn.index))
-        return bool(whole < enough and turn.outlines.cut.any()) and not are_tight(
-            silhouettes, frames
-        )
+        tight = are_tight(silhouettes, frames)
+        return len(turn.index) if tight else int((~turn.outlines.cut).sum())
 
     def say_cut(self, turn: Turntable) -> list[str]:
         """A sentence that says so, or that what seems to be tight may be cut, if that may be."""
