@@ -2,7 +2,9 @@ r"""How well two sets of views, between which the object was turned over, are jo
 
 python benchmarks/turned.py --cases 20 --scans cup.glb bottle.glb --json FILE
 python benchmarks/turned.py --cases 6 --calibrate       # cameras found from each set's silhouettes
-python benchmarks/turned.py --cases 3 --fit --size 64    # and meshes fitted to both and to each
+python benchmarks/turned.py --fit --size 64 --json FILE  # and meshes fitted to both and to each;
+                                                        # what FILE has is not run again
+python benchmarks/turned.py --cases 3 --calibrate --below  # the second set's camera looks up
 python benchmarks/turned.py --cases 6 --mismatched      # two different objects, to be refused
 
 Each case is an object, made-up or a scan, in 24 views from one height, then turned by a random
@@ -13,7 +15,7 @@ of its own.
 import argparse
 import json
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import igl
@@ -27,6 +29,7 @@ from scipy.spatial.transform import Rotation
 
 from silmesh.cameras.attempt import Attempt
 from silmesh.cameras.turntable import orbit_cameras
+from silmesh.errors import InputError
 from silmesh.evaluation.ground_truth import compare_to_truth
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.visual_hull import Hull, carve
@@ -40,6 +43,7 @@ from silmesh.views import View, place_view
 
 VIEWS = 24  # of each set
 DISTANCE = 2.732
+FARTHER = 8  # times, of cameras that look up
 
 
 def load(name: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -58,6 +62,15 @@ def stand(names: list[str], size: int, random: np.random.Generator) -> Cameras:
     azimuth = 360 / len(names) * torch.arange(len(names), dtype=torch.float64)
     height, first = random.uniform(5, 40), random.uniform(0, 360)
     return orbit_cameras(names, size, DISTANCE * same, height * same, azimuth + first)
+
+
+def look_up(cameras: Cameras) -> Cameras:
+    """The cameras as far below the table as they stand above it, and so distant that it hardly
+    shows: of such silhouettes ``calibrate`` finds the mirrored object, which turns the other way.
+    """
+    R, D = cameras.R, torch.tensor([1.0, 1, -1], dtype=torch.float64)
+    K = cameras.K * torch.tensor([[FARTHER, 1, 1], [1, FARTHER, 1], [1, 1, 1]])
+    return replace(cameras, K=K, R=D[:, None] * R * D, t=FARTHER * cameras.t)
 
 
 def photograph(
@@ -104,13 +117,17 @@ class Shot:
     Q: np.ndarray
 
 
-def photograph_both(first: tuple, second: tuple, size: int, random: np.random.Generator) -> Shot:
-    """Both sets of an object, or of two, as ``load`` has them."""
+def photograph_both(
+    first: tuple, second: tuple, size: int, random: np.random.Generator, below: bool = False
+) -> Shot:
+    """Both sets of an object, or of two, as ``load`` has them; the second from below if asked."""
     verts, faces, colours = first
     turned, faces_b, colours_b = second
     Q = Rotation.random(random_state=random).as_matrix()
     moved = 0.9 * turned @ Q + random.uniform(-0.05, 0.05, 3)
     sets = [stand([f"{s}{i:02}" for i in range(VIEWS)], size, random) for s in "ab"]
+    if below:
+        sets = [sets[0], look_up(sets[1])]
     shot = [
         photograph(sets[0], verts, faces, colours),
         photograph(sets[1], moved, faces_b, colours_b),
@@ -128,13 +145,26 @@ def fit_sets(name: str, size: int, seed: int) -> dict:
     start = time.process_time()
     case = {"object": Path(name).stem, "seed": seed}
     for end, kept, sets in (("", (0, 1), "a*;b*"), ("_first", (0,), ""), ("_second", (1,), "")):
-        names = [view for i in kept for view in shot.sets[i].views]
-        seen = np.concatenate([shot.silhouettes[i] for i in kept])
-        made = reconstruct_silhouettes(names, seen, pictures=shot.pictures, sets=sets)
-        truth = move_to_world_of(made.cameras, shot.sets[kept[0]], shot.meshes[kept[0]])
-        told = measure_fit(made) | {"volume_iou": compare_to_truth(made.mesh, truth)["volume_iou"]}
+        try:
+            told = fit_some(shot, kept, sets)
+        except InputError as error:
+            told = {"refused": str(error)}
         case |= {f"{key}{end}": value for key, value in told.items()}
     return case | {"cpu_seconds": round(time.process_time() - start, 1)}
+
+
+def fit_some(shot: Shot, kept: tuple[int, ...], sets: str) -> dict:
+    """What a mesh comes to that is fitted to some of the sets."""
+    names = [view for i in kept for view in shot.sets[i].views]
+    seen = np.concatenate([shot.silhouettes[i] for i in kept])
+    made = reconstruct_silhouettes(names, seen, pictures=shot.pictures, sets=sets)
+    truth = move_to_world_of(made.cameras, shot.sets[kept[0]], shot.meshes[kept[0]])
+    told = measure_fit(made) | {"volume_iou": compare_to_truth(made.mesh, truth)["volume_iou"]}
+    for join in made.scene.notes["figures"].get("joins", ()):
+        told |= {key: join[key] for key in ("alone", "by", "ambiguous", "together")}
+        if len(made.cameras) == len(names):
+            told["degrees_off"] = relative_error(shot.sets, shot.Q, made.cameras)
+    return told
 
 
 def move_to_world_of(found: Cameras, true: Cameras, mesh: trimesh.Trimesh) -> trimesh.Trimesh:
@@ -156,9 +186,9 @@ def move_to_world_of(found: Cameras, true: Cameras, mesh: trimesh.Trimesh) -> tr
     )
 
 
-def run(name: str, other: str, size: int, seed: int, calibrated: bool) -> dict:
+def run(name: str, other: str, size: int, seed: int, calibrated: bool, below: bool = False) -> dict:
     """One case: what was found, and how far from the truth it is."""
-    shot = photograph_both(load(name), load(other), size, np.random.default_rng(seed))
+    shot = photograph_both(load(name), load(other), size, np.random.default_rng(seed), below)
     sets, silhouettes, pictures = shot.sets, np.concatenate(shot.silhouettes), shot.pictures
     halves = [list(cameras.views) for cameras in sets]
     names = [view for half in halves for view in half]
@@ -175,7 +205,10 @@ def run(name: str, other: str, size: int, seed: int, calibrated: bool) -> dict:
         return case | {"refused": found.refusal}
     join = found.figures["joins"][0]
     case |= {key: join[key] for key in ("coherence", "alone", "runner_up", "by", "ambiguous")}
-    case |= {key: join[key] for key in ("rivals", "revolution", "colours") if key in join}
+    case["mirrored"] = [one["mirror"] == "sets" for one in found.figures["of_sets"] if one]
+    case |= {
+        key: join[key] for key in ("rivals", "revolution", "colours", "together") if key in join
+    }
     if other != name:
         return case
     case["degrees_off"] = relative_error(sets, shot.Q, found.cameras)
@@ -223,7 +256,7 @@ def compare_volumes(
 
 
 def main() -> None:
-    """Run the cases, print each, and write all."""
+    """Run the cases that a file does not have yet; print each, and write all after each."""
     args = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     args.add_argument("--cases", type=int, default=20)
     args.add_argument("--first", type=int, default=0, help="seed of the first case")
@@ -231,22 +264,25 @@ def main() -> None:
     args.add_argument("--objects", nargs="*", default=OBJECTS)
     args.add_argument("--scans", nargs="*", default=[], help="meshes, beside the made-up objects")
     args.add_argument("--calibrate", action="store_true", help="find each set's cameras")
+    args.add_argument("--below", action="store_true", help="the second set's camera looks up")
     args.add_argument("--fit", action="store_true", help="runs, with the fit of a mesh")
     args.add_argument("--mismatched", action="store_true", help="the sets show different objects")
     args.add_argument("--json", type=Path)
     given = args.parse_args()
-    objects, cases = [*given.objects, *given.scans], []
-    for i in range(given.cases):
+    objects = [*given.objects, *given.scans]
+    done = given.json and given.json.is_file()
+    cases = json.loads(given.json.read_text(encoding="utf-8")) if done else []
+    for i in range(len(cases), given.cases):
         name, other = (objects[(i + k) % len(objects)] for k in (0, int(given.mismatched)))
         seed = given.first + i
         if given.fit:
             case = fit_sets(name, given.size, seed)
         else:
-            case = run(name, other, given.size, seed, given.calibrate)
+            case = run(name, other, given.size, seed, given.calibrate, given.below)
         cases.append(case)
         print(json.dumps(case), flush=True)
-    if given.json:
-        given.json.write_text(json.dumps(cases, indent=1) + "\n", encoding="utf-8")
+        if given.json:
+            given.json.write_text(json.dumps(cases, indent=1) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":
