@@ -12,6 +12,7 @@ both worlds minimise the silhouette coherence of all views of both sets
 (``cameras.silhouette_coherence``), by Gauss and Newton with weak priors.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -19,7 +20,7 @@ import numpy as np
 import torch
 from scipy.spatial.transform import Rotation
 
-from silmesh.cameras.gauss_newton import Problem, minimise, remember_last
+from silmesh.cameras.gauss_newton import Problem, minimise, remember_last, soft_l1
 from silmesh.cameras.silhouette_coherence import (
     Misses,
     Outlines,
@@ -42,6 +43,9 @@ COMMON = 7  # parameters of a correction, of which there are two before those of
 PARAMETERS = 2 * COMMON + len(JOIN_SD)
 NUDGE = 0.02  # of a standard deviation, for central differences
 EVERY = 2  # of the points of an outline, one in so many is used
+# Standard errors by which the loss has to fall. True cameras, of which nothing is to be corrected,
+# let it fall by 1.1 to 3.6, since 21 parameters follow the outlines' pixels.
+CLEAR = 4.0
 STEPS = 30  # of Gauss and Newton at most
 
 
@@ -91,11 +95,16 @@ class Together:
     corrections: tuple[Correction, Correction]
 
     @staticmethod
-    def of(x: np.ndarray, turning: Turning) -> "Together":
-        """By parameters [PARAMETERS], in standard deviations, from a similarity."""
+    def of(x: np.ndarray, turning: Turning, axis: np.ndarray | None = None) -> "Together":
+        """By parameters [PARAMETERS], in standard deviations, from a similarity.
+
+        Args:
+            axis: [3] of the first world, about which nothing is turned; a unit vector
+        """
         both = Correction.of(x[:COMMON]), Correction.of(x[COMMON : 2 * COMMON])
         step = x[2 * COMMON :] * JOIN_SD
-        turn = Rotation.from_rotvec(np.radians(step[:3])).as_matrix()
+        about = step[:3] if axis is None else step[:3] - axis * (axis @ step[:3])
+        turn = Rotation.from_rotvec(np.radians(about)).as_matrix()
         grown = float(np.exp(step[3]))
         Q, s, c = turn @ turning.Q, grown * turning.s, grown * (turn @ turning.c) + step[4:]
         return Together(Turning(Q, s, c, np.full_like(turning.squares, np.nan)), both)
@@ -106,23 +115,26 @@ class Together:
         return self.turning.join(one.correct(first), two.correct(second))
 
 
-def solve_together(halves: Sequence[Half], turning: Turning) -> Together | None:
-    """The similarity and the corrections of both sets; None if nothing explains them better.
+def solve_together(
+    halves: Sequence[Half], turning: Turning, axis: np.ndarray | None = None
+) -> Together | None:
+    """The similarity and the corrections of both sets; None if these explain little more.
 
     Args:
         halves: both sets, in their normalised worlds
         turning: the similarity between these, nearly right
+        axis: [3] of a body of revolution in the first world, of which silhouettes show no turn
     """
-    both, start = _Both(halves, turning), np.zeros(PARAMETERS)
+    both, start = _Both(halves, turning, axis), np.zeros(PARAMETERS)
     x = minimise(both.problem, start, STEPS)
-    return Together.of(x, turning) if both.cost(x) < both.cost(start) else None
+    return Together.of(x, turning, axis) if both.excess(x, start) > CLEAR else None
 
 
 class _Both:
     """The residuals of the outlines of both sets, as functions of what is solved."""
 
-    def __init__(self, halves: Sequence[Half], turning: Turning):
-        self.turning, self.cameras = turning, [half.cameras for half in halves]
+    def __init__(self, halves: Sequence[Half], turning: Turning, axis: np.ndarray | None):
+        self.turning, self.axis, self.cameras = turning, axis, [half.cameras for half in halves]
         parts = [half.outlines.select(np.arange(len(half.cameras)), EVERY) for half in halves]
         names = ("distances", "cut", "points", "known")
         arrays = (np.concatenate([getattr(one, name) for one in parts]) for name in names)
@@ -137,12 +149,15 @@ class _Both:
         none, edge = np.zeros(PARAMETERS), np.full(PARAMETERS, np.inf)
         return Problem(self.residuals, self.slopes, weights, none, none + 1, -edge, edge)
 
-    def cost(self, x: np.ndarray) -> float:
-        problem = self.problem
-        return problem.cost(x, problem.residuals(x))
+    def excess(self, better: np.ndarray, worse: np.ndarray) -> float:
+        """By how many standard errors one loss exceeds another."""
+        known = self.outlines.known
+        low, high = (soft_l1(self.residuals(x))[known.ravel()].mean() for x in (better, worse))
+        square = INDEPENDENT * len(known) * (high - low) / max(low, NOISE**2)
+        return math.copysign(math.sqrt(abs(square)), square)
 
     def pose(self, x: np.ndarray) -> Pose:
-        cameras = Together.of(x, self.turning).join(*self.cameras)
+        cameras = Together.of(x, self.turning, self.axis).join(*self.cameras)
         arrays = (getattr(cameras, name).numpy() for name in ("K", "R", "t"))
         return make_pose(*arrays, self.outlines.points)
 
