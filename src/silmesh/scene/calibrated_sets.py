@@ -100,19 +100,20 @@ def _calibrate_each(
     joined = join_attempts(attempts, views, silhouettes, pictures)
     if joined.cameras is not None:
         return joined
-    return _join_mirrored(attempts, views, silhouettes, pictures) or joined
+    return _join_mirrored(joined, attempts, views, silhouettes, pictures)
 
 
 def _join_mirrored(
+    refused: Attempt,
     attempts: Sequence[Attempt],
     views: Sequence[View],
     silhouettes: np.ndarray,
     pictures: Mapping[str, Image.Image] | None,
-) -> Attempt | None:
+) -> Attempt:
     """The sets with one turned the other way, if they join so: a set alone may leave that open.
 
     The set that was seen most nearly from the level of its table is tried first, since there what
-    tells an object from its mirror image says least.
+    tells an object from its mirror image says least. If no set does it, they are refused.
     """
     unsure = [n for n, attempt in enumerate(attempts) if _may_be_mirrored(attempt)]
     for n in sorted(unsure, key=lambda n: abs(_elevation_of(attempts[n]))):
@@ -122,7 +123,10 @@ def _join_mirrored(
         )
         if joined.cameras is not None:
             return replace(joined, warnings=(_say_mirrored(twin), *joined.warnings))
-    return None
+    if not unsure:
+        return refused
+    said = "; nor do they join if one of them is taken to have turned the other way"
+    return replace(refused, refusal=f"{refused.refusal}{said}")
 
 
 def _may_be_mirrored(attempt: Attempt) -> bool:
