@@ -95,16 +95,11 @@ class Together:
     corrections: tuple[Correction, Correction]
 
     @staticmethod
-    def of(x: np.ndarray, turning: Turning, axis: np.ndarray | None = None) -> "Together":
-        """By parameters [PARAMETERS], in standard deviations, from a similarity.
-
-        Args:
-            axis: [3] of the first world, about which nothing is turned; a unit vector
-        """
+    def of(x: np.ndarray, turning: Turning) -> "Together":
+        """By parameters [PARAMETERS], in standard deviations, from a similarity."""
         both = Correction.of(x[:COMMON]), Correction.of(x[COMMON : 2 * COMMON])
         step = x[2 * COMMON :] * JOIN_SD
-        about = step[:3] if axis is None else step[:3] - axis * (axis @ step[:3])
-        turn = Rotation.from_rotvec(np.radians(about)).as_matrix()
+        turn = Rotation.from_rotvec(np.radians(step[:3])).as_matrix()
         grown = float(np.exp(step[3]))
         Q, s, c = turn @ turning.Q, grown * turning.s, grown * (turn @ turning.c) + step[4:]
         return Together(Turning(Q, s, c, np.full_like(turning.squares, np.nan)), both)
@@ -115,26 +110,23 @@ class Together:
         return self.turning.join(one.correct(first), two.correct(second))
 
 
-def solve_together(
-    halves: Sequence[Half], turning: Turning, axis: np.ndarray | None = None
-) -> Together | None:
+def solve_together(halves: Sequence[Half], turning: Turning) -> Together | None:
     """The similarity and the corrections of both sets; None if these explain little more.
 
     Args:
         halves: both sets, in their normalised worlds
         turning: the similarity between these, nearly right
-        axis: [3] of a body of revolution in the first world, of which silhouettes show no turn
     """
-    both, start = _Both(halves, turning, axis), np.zeros(PARAMETERS)
+    both, start = _Both(halves, turning), np.zeros(PARAMETERS)
     x = minimise(both.problem, start, STEPS)
-    return Together.of(x, turning, axis) if both.excess(x, start) > CLEAR else None
+    return Together.of(x, turning) if both.excess(x, start) > CLEAR else None
 
 
 class _Both:
     """The residuals of the outlines of both sets, as functions of what is solved."""
 
-    def __init__(self, halves: Sequence[Half], turning: Turning, axis: np.ndarray | None):
-        self.turning, self.axis, self.cameras = turning, axis, [half.cameras for half in halves]
+    def __init__(self, halves: Sequence[Half], turning: Turning):
+        self.turning, self.cameras = turning, [half.cameras for half in halves]
         parts = [half.outlines.select(np.arange(len(half.cameras)), EVERY) for half in halves]
         names = ("distances", "cut", "points", "known")
         arrays = (np.concatenate([getattr(one, name) for one in parts]) for name in names)
@@ -157,7 +149,7 @@ class _Both:
         return math.copysign(math.sqrt(abs(square)), square)
 
     def pose(self, x: np.ndarray) -> Pose:
-        cameras = Together.of(x, self.turning, self.axis).join(*self.cameras)
+        cameras = Together.of(x, self.turning).join(*self.cameras)
         arrays = (getattr(cameras, name).numpy() for name in ("K", "R", "t"))
         return make_pose(*arrays, self.outlines.points)
 

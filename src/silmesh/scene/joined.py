@@ -78,8 +78,7 @@ def _join(first: Part, second: Part) -> tuple[Part, dict[str, Any]]:
     halves = [prepare(*both) for both in zip((first, second), worlds, strict=True)]
     turnings = find_turnings(*halves)
     best, judged = choose(turnings, (first, second), worlds)
-    axis = np.array(judged["axis"]) if "axis" in judged else None
-    joined, turning, solved = _solve((first, second), worlds, halves, best, axis)
+    joined, turning, solved = _solve((first, second), worlds, halves, best, judged)
     coherence, alone = joined.normalised().overall, [world.overall for world in worlds]
     if 1 - coherence > TIMES * (1 - min(alone)) + LOSS:
         raise InputError(_say_apart(first, second, coherence, alone))
@@ -108,10 +107,15 @@ def _solve(
     worlds: tuple[Normalised, Normalised],
     halves: Sequence[Half],
     best: Turning,
-    axis: np.ndarray | None,
+    judged: Mapping[str, Any],
 ) -> tuple[Part, Turning, dict[str, Any] | None]:
-    """Both sets as one, how, and what was corrected of their cameras, if that joins them better."""
-    plain, found = bring(*parts, worlds, best), solve_together(halves, best, axis)
+    """Both sets as one, how, and what was corrected of their cameras, if that joins them better.
+
+    A turn about the axis of a body of revolution that colours chose stays: no silhouette shows it.
+    """
+    plain = bring(*parts, worlds, best)
+    coloured = judged["by"] == "colours" and judged["revolution"]
+    found = None if coloured else solve_together(halves, best)
     if found is None:
         return plain, best, None
     better, before = bring(*parts, worlds, found), plain.normalised().overall

@@ -32,8 +32,6 @@ def choose(
     apart = [best.angle_to(one) for one in rivals]
     lathe = len(rivals) >= MANY and _share_axis(best, rivals)
     notes |= {"ambiguous": True, "rivals": apart, "revolution": lathe}
-    if lathe:
-        notes["axis"] = _axis_of(best, rivals)[0].tolist()
     if any(part.pictures is None for part in parts):
         return best, notes
     candidates = _turn_about(best, rivals) if lathe else [best, *rivals[:RIVALS]]
