@@ -44,8 +44,8 @@ PARAMETERS = 2 * COMMON + len(JOIN_SD)
 NUDGE = 0.02  # of a standard deviation, for central differences
 EVERY = 2  # of the points of an outline, one in so many is used
 # Standard errors by which the loss has to fall. True cameras, of which nothing is to be corrected,
-# let it fall by 1.1 to 3.6, since 21 parameters follow the outlines' pixels.
-CLEAR = 4.0
+# let it fall by 1.1 to 5.6 (images of 64 and 128 pixels), since 21 parameters follow the pixels.
+CLEAR = 8.0
 STEPS = 30  # of Gauss and Newton at most
 
 
