@@ -7,8 +7,8 @@ import numpy as np
 NEAR = 0.01  # of IoU, by which no cell may lie below the best of ``BESIDE``
 BESIDE = ("hull", "ellipsoid", "today")
 COLLAPSE = 0.8  # of IoU with the true silhouettes
-COLUMNS = ("hull", "ellipsoid", "rival", "today", "silmesh", "repair")
-JUDGED = ("today", "silmesh", "repair")  # methods that say how good they are
+COLUMNS = ("hull", "ellipsoid", "rival", "today", "silmesh", "drop", "repair")
+JUDGED = ("today", "silmesh", "drop", "repair")  # methods that say how good they are
 
 Cells = Mapping[str, Mapping]  # an object's, by methods
 

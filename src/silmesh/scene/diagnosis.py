@@ -45,7 +45,8 @@ def diagnose(
         views: where the photographs lie in them
         coherent: cameras agree with them, so that only what they do not show is said: what lies
             beyond the frame of many photographs
-        ordered: cameras were sought that depend on the order of the views, as a file's do not
+        ordered: cameras were sought that depend on the order of the views, as neither a file's do
+            nor those of sets that are joined
     """
     if coherent:
         cut = is_cut(silhouettes, [view.frame for view in views])
