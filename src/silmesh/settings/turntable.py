@@ -4,7 +4,6 @@ Rounds are separated by ``;``. A round of several may say of how many photograph
 fourth number: ``,5,20,18;,40,20,18``.
 """
 
-import re
 from dataclasses import dataclass, replace
 
 from silmesh.errors import InputError, shorten
@@ -12,9 +11,6 @@ from silmesh.errors import InputError, shorten
 FARTHEST = 100  # distance of a turntable's camera at which the object is 2 % of the picture
 FEWEST = 5  # photographs of a round, if there are several
 EXAMPLE = "',5,20;,40,20'"
-# Python's own numbers may have underscores and the digits of any script.
-NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)(e[+-]?[0-9]+)?", re.I)
-COUNT = re.compile("[0-9]{1,9}")
 
 
 @dataclass(frozen=True)
@@ -76,8 +72,12 @@ def _parse_round(cell: str, part: str, several: bool) -> Turntable:
     numbers = part.split(",")
     photographs = numbers.pop() if several and len(numbers) == 4 else ""
     try:
-        distance, elevation, step = (_read(float, NUMBER, number) for number in numbers)
-        count = _read(int, COUNT, photographs)
+        if not part.isascii() or "_" in part:  # which Python's own numbers may have
+            raise ValueError(part)
+        distance, elevation, step = (
+            float(number) if number.strip() else None for number in numbers
+        )
+        count = int(photographs) if photographs.strip() else None
     except ValueError as error:
         raise InputError(
             f"turntable: should be distance,elevation,step, for example 2.732,0,5, not {cell}"
@@ -92,13 +92,6 @@ def _parse_round(cell: str, part: str, several: bool) -> Turntable:
         )
     _check_numbers(cell, distance, elevation, step)
     return Turntable(distance, elevation, step, count)
-
-
-def _read(kind: type, shape: re.Pattern, text: str) -> float | int | None:
-    """A number, or None of a text that is blank; a ValueError if it is written otherwise."""
-    if text.strip() and not shape.fullmatch(text.strip()):
-        raise ValueError(text)
-    return kind(text) if text.strip() else None
 
 
 def _blame_digits(part: str) -> str:
