@@ -29,7 +29,7 @@ import trimesh
 from calibrate import axis_at
 from scenery import silhouettes
 from stress_cases import DAMAGES, REAL, SCANS, Case, damage_case, make_clean, name_cell, write_case
-from stress_table import JUDGED, tabulate, tabulate_objects
+from stress_table import JUDGED, tabulate, tabulate_objects, tabulate_regained
 
 from silmesh.errors import InputError
 from silmesh.evaluation.ground_truth import compare_to_truth
@@ -327,6 +327,7 @@ def main() -> None:
     args.add_argument("--again", nargs="+", choices=METHODS, default=[], help="measure them anew")
     args.add_argument("--only-kept", action="store_true", help="measure nothing")
     args.add_argument("--by-object", choices=JUDGED, help="show this method, object by object")
+    args.add_argument("--regained", action="store_true", help="show what policies regain")
     given = args.parse_args()
     if given.cameras == "calibrate":
         given.methods = [m for m in given.methods if m in ("today", "silmesh", "drop", "repair")]
@@ -334,7 +335,10 @@ def main() -> None:
             args.error(f"--cameras calibrate needs a truth; {', '.join(strange)} have none")
     torch.set_num_threads(1)
     kept = read_kept(given.json) if given.only_kept else measure_all(given)
-    print(tabulate_objects(kept, given.by_object) if given.by_object else tabulate(kept))
+    if given.regained:
+        print(tabulate_regained(kept))
+    else:
+        print(tabulate_objects(kept, given.by_object) if given.by_object else tabulate(kept))
 
 
 if __name__ == "__main__":
