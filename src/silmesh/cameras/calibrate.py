@@ -27,7 +27,7 @@ from silmesh.cameras.rounds import (
 )
 from silmesh.cameras.silhouette_coherence import Misses, distance_between, trace
 from silmesh.cameras.trying_crops import Crops
-from silmesh.cameras.trying_rounds import Found, fit_any, fit_split
+from silmesh.cameras.trying_rounds import Asked, Found, fit_any, fit_split
 from silmesh.cameras.turntable_fit import (
     FEWEST_AGREEING,
     SUSPECT,
@@ -215,22 +215,54 @@ def calibrate(
     """
     shown, full = _find_shown(silhouettes, views, frames)
     split = find_given(rounds, silhouettes, signs()) if len(rounds) > 1 else None
-    samples = int(np.clip(POINTS // len(views), FEWEST_SAMPLES, MOST_SAMPLES))
-    named = [views[i] for i in shown]
-    outlines = trace(silhouettes[shown], samples, named, None if frames is None else frames[shown])
     far = rounds[0].distance if split else distance
-    turn = Turntable(outlines, silhouettes.shape[1], aspect, far, shown)
-    given = Given(len(views), step, elevation, above_table)
-    repeated = _find_repeated(silhouettes[shown], named)
+    turn = _trace(silhouettes, views, shown, frames, aspect, far)
     fewest = max(SHARE * (len(shown) + len(full)), FEWEST_AGREEING)
     crops = Crops(silhouettes, frames, scales)
     if split:
         found = fit_split(turn, split, rounds, silhouettes, above_table, fewest, True, progress)
     else:
-        found = fit_any(turn, given, silhouettes, signs, crops, fewest, guess, progress)
+        given = Given(len(views), step, elevation, above_table)
+        asked = Asked(turn, given, silhouettes, signs, crops, fewest)
+        found = fit_any(asked, guess, progress)
     progress(1)
+    repeated = _find_repeated(silhouettes[shown], [views[i] for i in shown])
     if found.is_of_all:
         _refuse_incoherent(found, [*repeated, *crops.say_cut(turn), *crops.say_sets()], signs)
+    return _judge(found, turn, views, full, repeated, crops)
+
+
+def _trace(
+    silhouettes: np.ndarray,
+    views: Sequence[str],
+    shown: np.ndarray,
+    frames: np.ndarray | None,
+    aspect: float,
+    distance: float | None,
+) -> Turntable:
+    """The outlines of the views that have one, as a turntable's."""
+    samples = int(np.clip(POINTS // len(views), FEWEST_SAMPLES, MOST_SAMPLES))
+    some = None if frames is None else frames[shown]
+    outlines = trace(silhouettes[shown], samples, [views[i] for i in shown], some)
+    return Turntable(outlines, silhouettes.shape[1], aspect, distance, shown)
+
+
+def _judge(
+    found: Found,
+    turn: Turntable,
+    views: Sequence[str],
+    full: np.ndarray,
+    repeated: Sequence[str],
+    crops: Crops,
+) -> Calibration:
+    """What was found, and what a person should know of it.
+
+    Args:
+        turn: the outlines of all views that have one
+        full: positions of those that fill their photographs
+        repeated: a sentence on views that came twice, if any did
+    """
+    named = [views[i] for i in turn.index]
     verdict = None if found.is_of_all else found.verdict
     disagreeing = {views[i]: FULL for i in full} | _name_disagreeing(verdict, named)
     said = [*repeated, *_warn_of_disagreement(disagreeing, views)]
@@ -238,7 +270,7 @@ def calibrate(
         said += _tell_cut(found, crops.say_cut(turn))
     if not (found.crops and found.crops.cropped.whole.all()):
         said += _find_cut(turn, named)
-    pixels = {} if verdict is None else dict(zip(shown, verdict.pixels, strict=True))
+    pixels = {} if verdict is None else dict(zip(turn.index, verdict.pixels, strict=True))
     return _report(found, views, pixels, disagreeing, said)
 
 

@@ -72,6 +72,27 @@ class Found:
         return len(self.fit.turn.index) if self.fit.rms <= allowed else 0
 
 
+@dataclass(frozen=True)
+class Asked:
+    """Of what a turntable is sought.
+
+    Attributes:
+        turn: the outlines
+        given: what is known of it
+        silhouettes: [views, size, size] bool
+        signs: gives what the photographs say of rounds beside their silhouettes
+        crops: that each view may have been cropped by itself
+        fewest: views that have to agree
+    """
+
+    turn: Turntable
+    given: Given
+    silhouettes: np.ndarray
+    signs: Callable[[], Signs | None]
+    crops: Crops
+    fewest: float
+
+
 def fit_split(
     turn: Turntable,
     split: Split,
@@ -95,24 +116,15 @@ def fit_split(
     return Found(*found, given, split) if found else None
 
 
-def fit_any(
-    turn: Turntable,
-    given: Given,
-    silhouettes: np.ndarray,
-    signs: Callable[[], Signs | None],
-    crops: Crops,
-    fewest: float,
-    guess: bool,
-    progress: Share,
-) -> Found:
+def fit_any(asked: Asked, guess: bool, progress: Share) -> Found:
     """Fit one round and, where it does not explain all views, the crops or rounds they may be.
 
     What is told clearly is tried before views of one round are told to be wrong; the rest where
     one round does not explain most views.
     """
-    rounds = _Rounds(turn, given, silhouettes, signs, crops, fewest)
+    rounds, turn, given = _Rounds(asked), asked.turn, asked.given
     told = within(progress, 0, ONE if guess else 1)
-    one = Found(*fit_most(turn, given, fewest, told, rounds.try_clear, guess), given)
+    one = Found(*fit_most(turn, given, asked.fewest, told, rounds.try_clear, guess), given)
     left = within(progress, ONE, 1)
     if guess and (better := rounds.try_clearer(one, left)):
         return better
@@ -125,17 +137,9 @@ def fit_any(
 class _Rounds:
     """Several rounds, crops, or a turn whose first view comes again, in place of one round."""
 
-    def __init__(
-        self,
-        turn: Turntable,
-        given: Given,
-        silhouettes: np.ndarray,
-        signs: Callable[[], Signs | None],
-        crops: Crops,
-        fewest: float,
-    ):
-        self.turn, self.given, self.silhouettes = turn, given, silhouettes
-        self.signs, self.crops, self.fewest = signs, crops, fewest
+    def __init__(self, asked: Asked):
+        self.turn, self.given, self.silhouettes = asked.turn, asked.given, asked.silhouettes
+        self.signs, self.crops, self.fewest = asked.signs, asked.crops, asked.fewest
         self.tried: list[Found] = []
 
     @cached_property

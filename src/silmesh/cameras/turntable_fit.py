@@ -166,7 +166,7 @@ def fit_most(
             strict = judge(whole, apart.best.x, agreeing, allowed, trusting=True)
             if strict.agrees.sum() >= fewest:
                 return apart, strict
-    return fit or solve(turn, starts, given, progress), verdict
+    return fit or solve(turn, starts, given, within(progress, AGREED, 1)), verdict
 
 
 def _is_lost(thin: Turntable, x: np.ndarray) -> bool:

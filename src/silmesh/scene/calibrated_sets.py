@@ -17,6 +17,7 @@ from silmesh.views import View
 
 SOURCE = "calibrate"
 MANY = 0.3  # of the views: if one turntable leaves out so many, sets are tried as well
+WHOLE = 0.9  # share of the progress when one turntable is fitted; sets are seldom tried
 TRIED = 2  # proposals of sets that are tried at most, the clearest first
 
 
@@ -36,18 +37,22 @@ def calibrate_sets(
         sets: the views of each set by their names; if there are none and no one turntable explains
             most views, the sets that names, sizes, times or silhouettes of the photographs propose
         pictures: the working images by the views' names
+        progress: is told which share is done
         known: of the turntable, as ``calibrate`` takes it
     """
     if sets:
         return _calibrate_each(silhouettes, views, _place(sets, views), pictures, progress, known)
-    whole = calibrate_views(silhouettes, views, progress=progress, **known)
+    whole = calibrate_views(silhouettes, views, progress=within(progress, 0, WHOLE), **known)
     if whole.cameras is not None and len(_disagreeing(whole)) < MANY * len(views):
+        progress(1)
         return whole
-    tried = []
+    tried: list[str] = []
     for split in propose(silhouettes, read_signs(views))[:TRIED]:
+        start = WHOLE + (1 - WHOLE) * len(tried) / TRIED
+        share = within(progress, start, start + (1 - WHOLE) / TRIED)
         parts = [part.tolist() for part in split.rounds]
         plain = {**known, "guess": False}
-        joined = _calibrate_each(silhouettes, views, parts, pictures, progress, plain)
+        joined = _calibrate_each(silhouettes, views, parts, pictures, share, plain)
         better = whole.cameras is None or len(_disagreeing(joined)) < len(_disagreeing(whole))
         if joined.cameras is not None and better:
             said = _say_taken(parts, views, split.because)
@@ -91,11 +96,11 @@ def _calibrate_each(
         some = [views[i] for i in part]
         if len(some) < FEWEST:
             why = f"is too short: a set that is joined with another takes {FEWEST} views or more"
-            return _refuse(some, why)
+            return _refuse(some, why, parts, views)
         share = within(progress, n / (len(parts) + 1), (n + 1) / (len(parts) + 1))
         attempt = calibrate_views(silhouettes[list(part)], some, progress=share, **known)
         if attempt.cameras is None:
-            return _refuse(some, f"taken by itself: {attempt.refusal}")
+            return _refuse(some, f"taken by itself: {attempt.refusal}", parts, views)
         attempts.append(attempt)
     joined = join_attempts(attempts, views, silhouettes, pictures)
     if joined.cameras is not None:
@@ -165,8 +170,12 @@ def _say_mirrored(twin: Attempt) -> str:
     )
 
 
-def _refuse(some: Sequence[View], why: str) -> Attempt:
-    return Attempt(SOURCE, None, refusal=f"cameras {SOURCE!r}: the set {_name(some)} {why}")
+def _refuse(
+    some: Sequence[View], why: str, parts: Sequence[Sequence[int]], views: Sequence[View]
+) -> Attempt:
+    refusal = f"cameras {SOURCE!r}: the set {_name(some)} {why}"
+    figures = {"sets": [[views[i].view for i in part] for part in parts]}
+    return Attempt(SOURCE, None, refusal=refusal, figures=figures)
 
 
 def _name(some: Sequence[View]) -> str:

@@ -52,7 +52,8 @@ def join_attempts(
             whole, join = _join(whole, part)
             joins.append(join)
     except InputError as error:
-        return Attempt(source, None, refusal=f"cameras {source!r}: {error}")
+        figures = {"sets": [list(attempt.cameras.views) for attempt in attempts]}
+        return Attempt(source, None, refusal=f"cameras {source!r}: {error}", figures=figures)
     order = {view.view: i for i, view in enumerate(views)}
     cameras = whole.attempt.cameras
     sorted_ = sorted(range(len(cameras)), key=lambda i: order[cameras.views[i]])
