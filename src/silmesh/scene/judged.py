@@ -16,7 +16,7 @@ from silmesh.progress import Share, untold
 from silmesh.scene.colour_edges import Figures, compare_all, contradict, describe_offset
 from silmesh.scene.diagnosis import CUT, MANY
 from silmesh.scene.outliers import Verdict
-from silmesh.scene.policy import DROPPED, REPAIRED, Decision, decide
+from silmesh.scene.policy import DROPPED, REPAIRED, WEIGHTS, Decision, decide
 from silmesh.scene.resegmentation import Solved, solve_jointly
 from silmesh.scene.scene import Scene, find_similarity
 
@@ -193,5 +193,5 @@ def _note(
             for view, (added, removed) in zip(views, decision.changes, strict=True)
             if fates[view] == REPAIRED
         },
-        "weights": {views[i]: decision.weights[i] for i in decision.fitted},
+        "weights": {views[i]: WEIGHTS[decision.fates[i]] for i in decision.fitted},
     }

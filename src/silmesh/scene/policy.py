@@ -11,7 +11,7 @@ from silmesh.scene.outliers import Verdict, find_outliers
 from silmesh.scene.resegmentation import Solved
 
 KEPT, REPAIRED, DROPPED = "kept", "repaired", "dropped"
-FOUND_ANEW = 0.5  # weight in the fit's loss of a view whose silhouette is all new
+WEIGHTS = {KEPT: 1.0, REPAIRED: 0.5, DROPPED: 0.0}  # of a view in the fit's loss, by its fate
 
 
 @dataclass(frozen=True)
@@ -34,17 +34,6 @@ class Decision:
     def fitted(self) -> list[int]:
         """Positions of the views that are left."""
         return [i for i, fate in enumerate(self.fates) if fate != DROPPED]
-
-    @property
-    def weights(self) -> list[float]:
-        """How much each view counts in the fit's loss.
-
-        1, and 0 of a dropped one. A repaired one counts the less the more of it is new.
-        """
-        return [
-            0.0 if fate == DROPPED else 1 - (1 - FOUND_ANEW) * min(1.0, added + removed)
-            for fate, (added, removed) in zip(self.fates, self.changes, strict=True)
-        ]
 
 
 def decide(

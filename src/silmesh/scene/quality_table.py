@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from silmesh.scene.policy import Decision
+from silmesh.scene.policy import WEIGHTS, Decision
 
 TABLE = "quality.csv"  # in the scene's folder
 
@@ -23,10 +23,10 @@ def write_table(
         colours: of each view, how far its photograph's colours agree with its silhouette
     """
     verdict = decision.verdict
-    judged = zip(verdict.reasons, decision.fates, decision.weights, decision.changes, strict=True)
+    judged = zip(verdict.reasons, decision.fates, decision.changes, strict=True)
     ends = [
-        {"doubt": why, "fate": fate, "weight": weight, "added": added, "removed": removed}
-        for why, fate, weight, (added, removed) in judged
+        {"doubt": why, "fate": fate, "weight": WEIGHTS[fate], "added": added, "removed": removed}
+        for why, fate, (added, removed) in judged
     ]
     rows = [
         {"view": view, **row, **agreement, **end}
