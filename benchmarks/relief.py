@@ -114,12 +114,13 @@ def measure(case: Case, given: argparse.Namespace, folder: Path) -> dict[str, An
     standing = timed.relief.standing
     shares = np.bincount(standing, minlength=len(STANDINGS)) / len(standing)
     to_fit = chamfer["relief"] / chamfer["fit"]
+    decided = compare_to_truth(judged.mesh, fitted.truth)["chamfer"] / chamfer["fit"]
     return {
         "limit": find_limit(fitted.truth, fitted.placed),
         **{f"{name}_volume": figures["volume_iou"] for name, figures in compared.items()},
         "to_hull": chamfer["relief"] / chamfer["hull"],
         "to_fit": to_fit,
-        "decided": to_fit if judged.notes["taken"] else 1.0,
+        "decided": decided,
         "iou_fit": measure_iou(fitted, fitted.mesh),
         "iou_relief": measure_iou(fitted, mesh),
         **dict(zip(STANDINGS, shares.tolist(), strict=True)),

@@ -115,10 +115,22 @@ def test_a_dent_of_another_depth_is_refused(dented: Scene, dent: float) -> None:
 
 def test_a_surface_that_leaves_the_outlines_is_refused(dented: Scene) -> None:
     small = make_ball(0.15)
-    small.apply_scale(0.97)
+    small.apply_scale(0.93)
     found = judge(dented, make_ball(0.0), small)
     assert not found.notes["taken"]
     assert "IoU would fall" in found.notes["because"]
+
+
+def test_a_surface_a_part_of_a_pixel_too_small_grows(dented: Scene) -> None:
+    """A pixel is 0.0229 at the ball, of which 0.4 is 2.3 % of its radius."""
+    small = make_ball(0.15)
+    small.apply_scale(1 - 0.4 * 0.0229 / 0.4)
+    found = judge(dented, make_ball(0.0), small)
+    assert found.notes["taken"], found.notes["because"]
+    assert found.notes["grown"] > 0
+    assert found.notes["iou"]["after"] >= found.notes["iou"]["before"] - 0.001
+    radius = np.linalg.norm(found.mesh.vertices, axis=1).max()
+    assert 0.4 - 0.35 * 0.0229 < radius < 0.4 + 0.15 * 0.0229
 
 
 def test_the_same_surface_is_no_gain(dented: Scene) -> None:

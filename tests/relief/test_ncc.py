@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from silmesh.relief.depths import WINDOW
-from silmesh.relief.ncc import RADIUS, carry, correlate, gather
+from silmesh.relief.ncc import RADIUS, carry, correlate, find_detail, gather
 
 
 @pytest.fixture
@@ -57,6 +57,21 @@ def test_nothing_correlates_with_what_is_flat_or_beyond_the_image(images):
     flat = np.full_like(images[0], 80)
     assert correlate(values, weights, total, deviation, flat, 10, 12, *own) == -1
     assert correlate(values, weights, total, deviation, images[1], 1, 12, *own) == -1
+
+
+def test_a_slope_has_no_detail_and_a_pattern_its_own(images):
+    rows, columns = np.mgrid[:24, :26].astype(np.float32)
+    values, weights = np.empty(WINDOW, np.float32), np.empty(WINDOW, np.float32)
+    everywhere = np.ones((24, 26), bool)
+    total, deviation = gather(3 * columns - 2 * rows, everywhere, 10, 12, values, weights)
+    assert deviation > 5
+    assert find_detail(values, weights, total) < 0.01
+    total, _ = gather(images[0], everywhere, 10, 12, values, weights)
+    i, j = offsets().T
+    window = images[0][12 + j, 10 + i]
+    slopes = np.stack([i, j, np.ones(len(i))], axis=1)
+    left = window - slopes @ np.linalg.lstsq(slopes, window, rcond=None)[0]
+    assert find_detail(values, weights, total) == pytest.approx(left.std(), rel=1e-3)
 
 
 def test_a_plane_carries_a_pixel_and_its_neighbours_where_their_points_project():

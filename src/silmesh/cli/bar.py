@@ -26,7 +26,7 @@ SECONDS = {
     "initial": (2.0, 0.01),
     "fit": (4.0, 0.04),
     "fit_outlines": (4.0, 0.04),
-    "relief": (4.0, 1.0),
+    "relief": (4.0, 0.4),
     "colour": (1.0, 0.005),
     "texture": (3.0, 0.15),
     "evaluate": (1.0, 0.005),

@@ -19,9 +19,8 @@ import trimesh
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numba import njit
-from scipy.ndimage import uniform_filter
 
-from silmesh.relief.ncc import FLAT, OPTIONS, RADIUS, carry, correlate, gather
+from silmesh.relief.ncc import FLAT, OPTIONS, RADIUS, carry, correlate, find_detail, gather
 from silmesh.relief.sights import Sights
 
 NEIGHBOURS = 6  # views that a view is compared with
@@ -29,10 +28,10 @@ ANGLES = 5.0, 40.0  # degrees between lines of sight: closer ones tell no depth,
 BEST_ANGLE = 15.0
 RANDOM = 4  # planes that a pixel first tries beside the mesh's
 STEEPEST = 0.17  # cosine of the greatest angle between a plane's normal and its ray
-MARGIN = 0.01  # of the object's size: so far before the mesh the surface may be
+MARGIN = 0.01  # world units: so far before the mesh the surface may be
 SURE = 0.985  # cross-correlation from which a plane is not changed at random any more
 ALIKE = 0.7  # cross-correlation from which a depth counts
-TEXTURE = 4.0  # grey levels: standard deviation of a window from which a depth counts
+TEXTURE = 3.0  # grey levels: deviation of a window from a slope from which a depth counts
 CONFIRMED = 2  # other views that have to find the same depth
 SPECK = 0.01  # share of a silhouette: a smaller patch of depths is an accident
 STEP = 3.0  # pixels by which depths of neighbouring pixels of a patch differ at most
@@ -67,6 +66,39 @@ class Depths:
     depth: np.ndarray
     normals: np.ndarray
     score: np.ndarray
+
+
+class _View(NamedTuple):
+    """A view, where its rays meet the mesh, and its neighbours, as the kernels take them."""
+
+    image: np.ndarray  # [height, width]
+    mask: np.ndarray
+    front: np.ndarray
+    rear: np.ndarray
+    normals: np.ndarray  # [height, width, 3], the mesh's
+    back: np.ndarray  # [3, 3], from pixels to rays
+    images: np.ndarray  # [all views, height, width]
+    views: np.ndarray  # as in ``_Pair``
+    A: np.ndarray
+    b: np.ndarray
+
+
+class _Planes(NamedTuple):
+    """What is found for one view, [height, width]."""
+
+    depth: np.ndarray
+    normals: np.ndarray
+    score: np.ndarray
+
+
+class _Window(NamedTuple):
+    """Scratch space: the window about a pixel and the plane that is tried for it."""
+
+    values: np.ndarray  # [WINDOW]
+    weights: np.ndarray
+    each: np.ndarray  # [neighbours] cross-correlations
+    slopes: np.ndarray  # [2, 2]
+    normal: np.ndarray  # [3]
 
 
 class _Pair(NamedTuple):
@@ -130,18 +162,16 @@ def sweep(
         done: is called after each view
     """
     shape = sights.images.shape
-    found = Depths(np.zeros(shape, "f4"), np.zeros((*shape, 3), "f4"), np.full(shape, -1, "f4"))
-    margin = np.float32(MARGIN * 2 * 0.5)
+    found = Depths(np.zeros(shape, "f4"), np.zeros((*shape, 3), "f4"), np.full(shape, -2, "f4"))
 
     def search(i: int) -> None:
-        pair = _pair(sights, i, neighbours[i])
         if start is not None:
             _enlarge(start, found, i)
-        back = _inverse(sights.K[i])
-        planes = found.depth[i], found.normals[i], found.score[i]
-        within = rays.front[i], rays.back[i], rays.normals[i]
-        images = sights.images[i], sights.masks[i], sights.images
-        _search(*images, *within, *planes, back, pair, passes, start is None, margin, seed + i)
+        own = sights.images[i], sights.masks[i], rays.front[i], rays.back[i], rays.normals[i]
+        pair = _pair(sights, i, neighbours[i])
+        view = _View(*own, _inverse(sights.K[i]), sights.images, *pair)
+        planes = _Planes(found.depth[i], found.normals[i], found.score[i])
+        _search(view, planes, passes, start is None, np.random.default_rng([seed, i]))
         done()
 
     with ThreadPoolExecutor(torch.get_num_threads()) as pool:
@@ -151,11 +181,20 @@ def sweep(
 
 def find_texture(sights: Sights) -> np.ndarray:
     """Whether a pixel's window shows enough for a depth to count: [views, height, width] bool."""
-    size = (0, 2 * RADIUS + 1, 2 * RADIUS + 1)
-    images = sights.images.astype(np.float64)
-    mean = uniform_filter(images, size)
-    variance = uniform_filter(images**2, size) - mean**2
-    return (variance > TEXTURE**2) & sights.masks
+    found = np.zeros(sights.masks.shape, np.bool_)
+    with ThreadPoolExecutor(torch.get_num_threads()) as pool:
+        list(pool.map(_find_texture, sights.images, sights.masks, found))
+    return found
+
+
+@njit(**OPTIONS)
+def _find_texture(image, mask, found):
+    values, weights = np.empty(WINDOW, np.float32), np.empty(WINDOW, np.float32)
+    for r in range(image.shape[0]):
+        for c in range(image.shape[1]):
+            if mask[r, c]:
+                total, _ = gather(image, mask, c, r, values, weights)
+                found[r, c] = find_detail(values, weights, total) >= TEXTURE
 
 
 def _enlarge(small: Depths, found: Depths, i: int) -> None:
@@ -185,80 +224,97 @@ def _pair(sights: Sights, i: int, views: np.ndarray) -> _Pair:
 
 
 @njit(**OPTIONS)
-def _search(
-    image, mask, images, front, rear, mesh_normals, depth, normals, score, back, pair, passes, new,
-    margin, seed,
-):  # fmt: skip
-    """Fill the planes of one view, [height, width], in place."""
-    np.random.seed(seed)
-    height, width = image.shape
-    values, weights = np.empty(WINDOW, np.float32), np.empty(WINDOW, np.float32)
-    each = np.empty(len(pair.views), np.float32)
-    scratch = np.empty((2, 2))
-    n = np.empty(3)
+def _search(view, planes, passes, new, rng):
+    """Fill the planes of one view in place; ``new`` if there are none to begin with."""
+    height, width = view.image.shape
+    window = _Window(
+        np.empty(WINDOW, np.float32),
+        np.empty(WINDOW, np.float32),
+        np.empty(len(view.views), np.float32),
+        np.empty((2, 2)),
+        np.empty(3),
+    )
     for turn in range(passes + 1):
-        first = turn == 0
         forth = turn % 2 == 1
-        step = -1 if forth else 1
-        size = 0.5 ** (turn + 1 if new else turn + 3)
+        spread = 0.5 ** (turn + (1 if new else 3))
         for p in range(height):
             r = p if forth else height - 1 - p
             for q in range(width):
                 c = q if forth else width - 1 - q
-                low, high = front[r, c] - margin, rear[r, c]
-                if front[r, c] <= 0:
-                    depth[r, c] = 0
-                    continue
-                total, deviation = gather(image, mask, c, r, values, weights)
+                total, deviation = np.float32(0), 0.0
+                if view.front[r, c] > 0:
+                    total, deviation = gather(
+                        view.image, view.mask, c, r, window.values, window.weights
+                    )
                 if deviation < FLAT or total < WINDOW / 2:
-                    depth[r, c] = 0
-                    continue
-                x = back[0, 0] * c + back[0, 1] * r + back[0, 2]
-                y = back[1, 1] * r + back[1, 2]
-                if first:
-                    if not new and depth[r, c] > 0:
-                        n[:] = normals[r, c]
-                        z = min(max(np.float64(depth[r, c]), low), high)
-                        score[r, c] = -2
-                        _try(images, back, pair, c, r, z, n, values, weights, total, deviation, each, scratch, depth, normals, score)
-                    elif not new:
-                        score[r, c] = -2
-                    if new:
-                        score[r, c] = -2
-                        n[:] = mesh_normals[r, c]
-                        _face(n, x, y)
-                        _try(images, back, pair, c, r, np.float64(front[r, c]), n, values, weights, total, deviation, each, scratch, depth, normals, score)
-                        for k in range(RANDOM):
-                            z = low + (high - low) * np.random.random()
-                            for axis in range(3):
-                                n[axis] = np.random.normal()
-                            _face(n, x, y)
-                            _try(images, back, pair, c, r, z, n, values, weights, total, deviation, each, scratch, depth, normals, score)
-                    continue
-                for k in range(2):
-                    i, j = (r + step, c) if k else (r, c + step)
-                    if not (0 <= i < height and 0 <= j < width) or depth[i, j] <= 0:
-                        continue
-                    n[:] = normals[i, j]
-                    xi = back[0, 0] * j + back[0, 1] * i + back[0, 2]
-                    yi = back[1, 1] * i + back[1, 2]
-                    facing = n[0] * x + n[1] * y + n[2]
-                    if facing >= -1e-3:
-                        continue
-                    z = depth[i, j] * (n[0] * xi + n[1] * yi + n[2]) / facing
-                    if low <= z <= high:
-                        _face(n, x, y)
-                        _try(images, back, pair, c, r, z, n, values, weights, total, deviation, each, scratch, depth, normals, score)
-                if depth[r, c] <= 0 or score[r, c] > SURE:
-                    continue
-                for k in range(2):
-                    spread = size * (1.0 if k == 0 else 0.25)
-                    z = depth[r, c] + spread * (high - low) * (2 * np.random.random() - 1)
-                    for axis in range(3):
-                        n[axis] = normals[r, c, axis] + spread * 2 * np.random.normal()
-                    if low <= z <= high:
-                        _face(n, x, y)
-                        _try(images, back, pair, c, r, z, n, values, weights, total, deviation, each, scratch, depth, normals, score)
+                    planes.depth[r, c] = 0
+                elif turn == 0:
+                    _begin(view, planes, window, c, r, total, deviation, new, rng)
+                else:
+                    step = -1 if forth else 1
+                    _spread(view, planes, window, c, r, total, deviation, step)
+                    _shake(view, planes, window, c, r, total, deviation, spread, rng)
+
+
+@njit(**OPTIONS)
+def _begin(view, planes, window, c, r, total, deviation, new, rng):
+    """Give a pixel the best of the mesh's plane and random ones, or score the one that it has."""
+    low, high = view.front[r, c] - MARGIN, np.float64(view.rear[r, c])
+    n = window.normal
+    if not new:
+        z = np.float64(planes.depth[r, c])
+        if z > 0:
+            n[:] = planes.normals[r, c]
+            _try(view, planes, window, c, r, min(max(z, low), high), total, deviation)
+        return
+    n[:] = view.normals[r, c]
+    _try(view, planes, window, c, r, np.float64(view.front[r, c]), total, deviation)
+    for _ in range(RANDOM):
+        z = low + (high - low) * rng.random()
+        for axis in range(3):
+            n[axis] = rng.normal()
+        _try(view, planes, window, c, r, z, total, deviation)
+
+
+@njit(**OPTIONS)
+def _spread(view, planes, window, c, r, total, deviation, step):
+    """Try the planes of the two neighbours of a pixel that were visited before it."""
+    height, width = view.image.shape
+    low, high = view.front[r, c] - MARGIN, view.rear[r, c]
+    n = window.normal
+    x, y = _ray(view.back, c, r)
+    for k in range(2):
+        i, j = (r + step, c) if k else (r, c + step)
+        if not (0 <= i < height and 0 <= j < width) or planes.depth[i, j] <= 0:
+            continue
+        n[:] = planes.normals[i, j]
+        there_x, there_y = _ray(view.back, j, i)
+        facing = n[0] * x + n[1] * y + n[2]
+        if facing < -1e-3:
+            z = planes.depth[i, j] * (n[0] * there_x + n[1] * there_y + n[2]) / facing
+            if low <= z <= high:
+                _try(view, planes, window, c, r, z, total, deviation)
+
+
+@njit(**OPTIONS)
+def _shake(view, planes, window, c, r, total, deviation, spread, rng):
+    """Try the plane of a pixel a little changed, by this share of what is possible and less."""
+    low, high = view.front[r, c] - MARGIN, view.rear[r, c]
+    for k in range(2):
+        if planes.depth[r, c] <= 0 or planes.score[r, c] > SURE:
+            return
+        share = spread * (1.0 if k == 0 else 0.25)
+        z = planes.depth[r, c] + share * (high - low) * (2 * rng.random() - 1)
+        for axis in range(3):
+            window.normal[axis] = planes.normals[r, c, axis] + share * 2 * rng.normal()
+        if low <= z <= high:
+            _try(view, planes, window, c, r, z, total, deviation)
+
+
+@njit(**OPTIONS)
+def _ray(back, c, r):
+    """The ray of a pixel at depth 1: x and y."""
+    return back[0, 0] * c + back[0, 1] * r + back[0, 2], back[1, 1] * r + back[1, 2]
 
 
 @njit(**OPTIONS)
@@ -282,27 +338,33 @@ def _face(n, x, y):
 
 
 @njit(**OPTIONS)
-def _try(images, back, pair, c, r, z, n, values, weights, total, deviation, each, scratch, depth, normals, score):
-    """Take a plane for a pixel if the neighbours agree more with it than with its own."""
-    count = 0
-    views = len(pair.views)
+def _try(view, planes, window, c, r, z, total, deviation):
+    """Take the window's plane for a pixel if the neighbours agree more with it than with its own.
+
+    It ends early where the views that are left could not make it better.
+    """
+    x, y = _ray(view.back, c, r)
+    _face(window.normal, x, y)
+    count, views, each = 0, len(view.views), window.each
+    du, dv = window.slopes
     best = min(views, max(2, (views + 1) // 2))
     for k in range(views):
-        u, v = carry(back, pair.A[k], pair.b[k], c, r, z, n, scratch[0], scratch[1])
+        u, v = carry(view.back, view.A[k], view.b[k], c, r, z, window.normal, du, dv)
         if not u >= 0:
             continue
-        alike = correlate(values, weights, total, deviation, images[pair.views[k]], u, v, scratch[0], scratch[1])
+        other = view.images[view.views[k]]
+        alike = correlate(window.values, window.weights, total, deviation, other, u, v, du, dv)
         at = count  # in falling order
         while at and each[at - 1] < alike:
             each[at] = each[at - 1]
             at -= 1
         each[at] = alike
         count += 1
-        ahead = min(best, views - 1 - k)  # if all further ones agreed fully
-        most = np.float32(ahead)
+        ahead = min(best, views - 1 - k)
+        most = np.float32(ahead)  # if all of them agreed fully
         for at in range(min(best - ahead, count)):
             most += each[at]
-        if most <= best * score[r, c]:
+        if most <= best * planes.score[r, c]:
             return
     if count < 2:
         return
@@ -310,10 +372,10 @@ def _try(images, back, pair, c, r, z, n, values, weights, total, deviation, each
     for k in range(min(best, count)):
         mean += each[k]
     mean /= best
-    if mean > score[r, c]:
-        score[r, c] = mean
-        depth[r, c] = z
-        normals[r, c, 0], normals[r, c, 1], normals[r, c, 2] = n[0], n[1], n[2]
+    if mean > planes.score[r, c]:
+        planes.score[r, c] = mean
+        planes.depth[r, c] = z
+        planes.normals[r, c, :] = window.normal
 
 
 def confirm(sights: Sights, found: Depths, neighbours: list[np.ndarray]) -> np.ndarray:
@@ -345,8 +407,8 @@ def _confirm(image, mask, depths, scores, view, back, pair, votes):
             z = depths[view, r, c]
             if z <= 0 or scores[view, r, c] < ALIKE:
                 continue
-            total, deviation = gather(image, mask, c, r, values, weights)
-            if deviation < TEXTURE:
+            total, _ = gather(image, mask, c, r, values, weights)
+            if find_detail(values, weights, total) < TEXTURE:
                 continue
             x = (back[0, 0] * c + back[0, 1] * r + back[0, 2]) * z
             y = (back[1, 1] * r + back[1, 2]) * z

@@ -1,9 +1,9 @@
 """What depths say of the space before and about them, on a grid, with the mesh as the outer bound.
 
 Every depth that counts says that the ray before it is free, and where the surface lies: along the
-normal of its plane a voxel has the signed distance s, positive inside. What a view sees is averaged,
-cut off at +-1 for the distance BAND (Curless and Levoy 1996); what lies further behind a depth it
-says nothing of. Where few speak, the mesh does. The field u then minimises
+normal of its plane a voxel has the signed distance s, positive inside. What views see is averaged,
+cut off at +-1 for the distance BAND (Curless and Levoy 1996); what lies further behind a depth
+it says nothing of. Where few speak, the mesh does. The field u then minimises
 
     sum over voxels of w (u - s)^2 + SMOOTH sum over neighbours of (u - u')^2
 """
@@ -29,8 +29,8 @@ ENOUGH = 3.0  # weight of views from which the mesh says nothing any more
 MESH = 1.0  # weight of the mesh where no view speaks
 HELD = 1.0  # weight of the views that end at a place, below which a depth counts no more
 SURER = 2.0  # weight of the views that end at a place over that of those that see through it
-SMOOTH = 0.3
-ROUNDS = 30
+SMOOTH = 2.0
+ROUNDS = 40
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ def fuse(
 
     def fill(x: int) -> None:
         part = bound[x], weight[x], mean[x], close[x]
-        origin = grid.origin + [x * grid.spacing, 0, 0]
+        origin = grid.origin + np.array([x * grid.spacing, 0, 0])
         planes = found.depth, found.normals, found.score, votes
         _fuse(*part, origin, grid.spacing, P, back, sights.R, *planes)
 
@@ -197,7 +197,11 @@ def _doubt(votes, depth, weight, close, eye, to_grid):
                 continue
             z = depth[r, c]
             way = (c + 0.5) * to_grid[0] + (r + 0.5) * to_grid[1] + to_grid[2]
-            i, j, k = int(eye[0] + z * way[0] + 0.5), int(eye[1] + z * way[1] + 0.5), int(eye[2] + z * way[2] + 0.5)
+            i, j, k = (
+                int(eye[0] + z * way[0] + 0.5),
+                int(eye[1] + z * way[1] + 0.5),
+                int(eye[2] + z * way[2] + 0.5),
+            )
             if close[i, j, k] < SURER * (weight[i, j, k] - close[i, j, k]) or close[i, j, k] < HELD:
                 votes[r, c] = 0
                 gone += 1

@@ -42,9 +42,7 @@ def gather(image, mask, c, r, values, weights):
     mean = np.float32(0)
     k = 0
     for j in range(-RADIUS, RADIUS + 1):
-        for i in range(-RADIUS, RADIUS + 1):
-            if (i + j) % 2:
-                continue
+        for i in range(-RADIUS + (j + RADIUS) % 2, RADIUS + 1, 2):
             row, column = r + j, c + i
             within = 0 <= row < image.shape[0] and 0 <= column < image.shape[1]
             w = np.float32(1) if within and mask[row, column] else np.float32(0)
@@ -59,6 +57,29 @@ def gather(image, mask, c, r, values, weights):
         values[k] -= mean
         square += weights[k] * values[k] ** 2
     return total, math.sqrt(square / max(total, np.float32(1)))
+
+
+@njit(**OPTIONS)
+def find_detail(values, weights, total):
+    """Standard deviation of a window from its best slope, which fits itself wherever it is moved.
+
+    Args:
+        values, weights, total: as ``gather`` makes them
+    """
+    square = across = down = np.float32(0)
+    across2 = down2 = np.float32(1e-6)
+    k = 0
+    for j in range(-RADIUS, RADIUS + 1):
+        for i in range(-RADIUS + (j + RADIUS) % 2, RADIUS + 1, 2):
+            w = weights[k]
+            square += w * values[k] ** 2
+            across += w * values[k] * i
+            down += w * values[k] * j
+            across2 += w * i * i
+            down2 += w * j * j
+            k += 1
+    left = square - across * across / across2 - down * down / down2
+    return math.sqrt(max(left, np.float32(0)) / max(total, np.float32(1)))
 
 
 @njit(**OPTIONS)

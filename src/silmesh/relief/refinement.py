@@ -12,12 +12,25 @@ from scipy.ndimage import binary_erosion
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.originals import Originals
 from silmesh.progress import Share, untold, within
-from silmesh.relief.depths import Depths, Rays, cast_rays, confirm, find_neighbours, find_texture, sweep
+from silmesh.relief.covering import PUT_BACK, cover, strike
+from silmesh.relief.depths import (
+    Depths,
+    Rays,
+    cast_rays,
+    confirm,
+    find_neighbours,
+    find_texture,
+    sweep,
+)
 from silmesh.relief.free_space import Grid, doubt, fuse, measure, settle
-from silmesh.relief.outlines import PUT_BACK, cover, strike
 from silmesh.relief.rims import match_rims
 from silmesh.relief.sights import Sights, look
-from silmesh.relief.surface import GUESS, OUTLINE, PHOTOGRAPHS, STANDINGS, extract, judge_standing, simplify
+from silmesh.relief.surface import (
+    STANDINGS,
+    extract,
+    judge_standing,
+    simplify,
+)
 
 LONGEST = 400  # pixels of the object in the finer of the two sizes that depths are found at
 COARSE, FINE = 4, 1  # passes over the rows at each size
@@ -26,7 +39,7 @@ DOUBTS = 2  # rounds in which depths that others see through are left out
 STRIKES = 4  # most rounds in which depths that contradict silhouettes are struck
 VERTICES = 16_000  # of the refined surface, if the mesh has no more
 FEW = 0.03  # share of the pixels that see the mesh: fewer depths say too little
-DENIED = 0.25  # share of those with texture, of which fewer with a depth are gloss
+DENIED = 0.3  # share of those with texture, of which fewer with a depth are gloss
 INNER = 2  # pixels within a silhouette from which on nothing may be missing
 
 
@@ -75,28 +88,33 @@ def refine(
     masks, believed = silhouettes[views], cameras.select(views)
     sights = look(originals, silhouettes, cameras, views, LONGEST)
     found, votes, rays = find_depths(mesh, sights, seed, within(progress, 0, 0.8))
-    covered = int((rays.front > 0).sum())
-    textured = int((find_texture(sights) & (rays.front > 0)).sum())
     grid = Grid.over(mesh, RESOLUTION)
-    bound = measure(mesh, grid)
-    solved = solve(sights, found, votes, bound, grid, masks, believed)
-    left = float((votes > 0).sum())
-    notes = {"views": len(views), "depths": round(left / max(1, covered), 4), **solved.notes}
-    reason = _refuse(left / max(1, covered), left / max(1, textured))
-    close = solved.close if not reason else np.zeros_like(bound)
-    surface = None
-    if not reason:
-        surface = simplify(solved.surface, max(VERTICES, len(mesh.vertices)))
-        surface = match_rims(surface, mesh, believed, masks.shape[1:])
-    changed = surface is not None
-    surface = surface if changed else mesh
-    standing = judge_standing(np.asarray(surface.vertices), close, grid, masks, believed)
-    shares = np.bincount(standing, minlength=3) / len(standing)
-    notes |= {name: round(float(s), 4) for name, s in zip(STANDINGS, shares, strict=True)}
-    notes |= {"changed": changed, "seconds": round(time.monotonic() - started, 2)}
-    notes |= {} if changed else {"reason": reason}
+    solved = solve(sights, found, votes, measure(mesh, grid), grid, masks, believed)
+    progress(0.9)
+    covered = rays.front > 0
+    depths, textured = (votes > 0).sum(), (find_texture(sights) & covered).sum()
+    shares = float(depths / max(1, covered.sum())), float(depths / max(1, textured))
+    thin = "" if solved.surface is not None else "the object is thinner than the grid"
+    reason = _refuse(*shares) or thin
+    close = np.zeros_like(solved.close) if reason else solved.close
+    surface = mesh if reason else _finish(solved.surface, mesh, believed, masks.shape[1:])
+    verts, faces = np.asarray(surface.vertices), np.asarray(surface.faces)
+    standing = judge_standing(verts, close, grid, masks, believed)
+    notes = {"changed": not reason, **({"reason": reason} if reason else {}), "views": len(views)}
+    notes |= {"depths": round(shares[0], 4), "of_textured": round(shares[1], 4), **solved.notes}
+    parts = np.bincount(standing, minlength=len(STANDINGS)) / len(standing)
+    notes |= {name: round(float(part), 4) for name, part in zip(STANDINGS, parts, strict=True)}
+    notes["seconds"] = round(time.monotonic() - started, 2)
     progress(1.0)
-    return Relief(np.asarray(surface.vertices), np.asarray(surface.faces), standing, changed, notes)
+    return Relief(verts, faces, standing, not reason, notes)
+
+
+def _finish(
+    surface: trimesh.Trimesh, mesh: trimesh.Trimesh, cameras: Cameras, size: tuple[int, int]
+) -> trimesh.Trimesh:
+    """Fewer vertices, and the rims where the given mesh has them."""
+    simple = simplify(surface, max(VERTICES, len(mesh.vertices)))
+    return match_rims(simple, mesh, cameras, size)
 
 
 def _refuse(share: float, of_textured: float) -> str:
@@ -128,9 +146,9 @@ def find_depths(
 
 @dataclass(frozen=True)
 class Solved:
-    """A surface that depths and silhouettes agree on."""
+    """A surface that depths and silhouettes agree on; None if it is thinner than the grid."""
 
-    surface: trimesh.Trimesh
+    surface: trimesh.Trimesh | None
     close: np.ndarray
     notes: dict[str, Any] = field(default_factory=dict)
 
@@ -153,12 +171,12 @@ def solve(
     for _ in range(STRIKES):
         weight, mean, close = fuse(sights, found, votes, bound, grid)
         solid = settle(bound, weight, mean)
-        missing, lost, _ = cover(solid, bound, grid, inner, cameras)
-        gone = strike(votes, found, sights, missing, grid) if lost else 0
+        missing = cover(solid, bound, grid, inner, cameras)
+        gone = strike(votes, found, sights, missing, grid) if missing.any() else 0
         struck += gone
         if not gone:
             break
-    missing, _, _ = cover(solid, bound, grid, masks, cameras)
+    missing = cover(solid, bound, grid, masks, cameras)
     solid[missing] = np.maximum(solid[missing], PUT_BACK)
     notes = {"doubted": doubted, "struck": struck, "put_back": int(missing.sum())}
-    return Solved(extract(solid, grid), close, notes)
+    return Solved(extract(solid, grid) if (solid > 0).any() else None, close, notes)

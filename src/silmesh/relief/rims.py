@@ -57,7 +57,7 @@ def _measure(
         ray = mesh.vertices - cameras.centres[i].numpy()
         cosine = (ray * mesh.vertex_normals).sum(axis=1) / np.linalg.norm(ray, axis=1)
         column, row = np.where(np.isfinite(at), at, -1).astype(int).T
-        inside = (0 <= column) & (column < size[1]) & (0 <= row) & (row < size[0])
+        inside = (column >= 0) & (column < size[1]) & (row >= 0) & (row < size[0])
         asked = np.flatnonzero(inside & (np.abs(cosine) < GLANCING))
         place = row[asked], column[asked]
         now = signed_distance(shown[i], FAR, 0)[place]

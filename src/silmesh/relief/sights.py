@@ -76,8 +76,12 @@ def look(
         grey = Image.fromarray(originals.read(i)).convert("L").convert("F")
         images[at, :h, :w] = grey.resize((w, h), Image.Resampling.BOX, box=box)
         across, down = w / (box[2] - box[0]), h / (box[3] - box[1])
-        K[at] = np.array([[across, 0, -across * box[0]], [0, down, -down * box[1]], [0, 0, 1]]) @ K[at]
-        masks[at, :h, :w] = _cut_out(silhouettes[i], cameras.K[i].numpy() @ np.linalg.inv(K[at]), w, h)
+        K[at] = (
+            np.array([[across, 0, -across * box[0]], [0, down, -down * box[1]], [0, 0, 1]]) @ K[at]
+        )
+        masks[at, :h, :w] = _cut_out(
+            silhouettes[i], cameras.K[i].numpy() @ np.linalg.inv(K[at]), w, h
+        )
     R, t = (part[views].numpy() for part in (cameras.R, cameras.t))
     return Sights(images, masks, K, R, t)
 

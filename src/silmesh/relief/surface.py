@@ -36,7 +36,7 @@ def extract(field: np.ndarray, grid: Grid) -> trimesh.Trimesh:
 
 
 def simplify(mesh: trimesh.Trimesh, vertices: int) -> trimesh.Trimesh:
-    """The same surface with about so many vertices, by quadric errors (Garland and Heckbert 1997)."""
+    """The same surface with about so many vertices, by quadric errors (Garland, Heckbert 1997)."""
     faces = 2 * (vertices - mesh.euler_number)  # V - E + F = chi and 3 F = 2 E
     if faces >= len(mesh.faces):
         return mesh
@@ -70,6 +70,6 @@ def judge_standing(
         height, width = silhouette.shape
         known = np.isfinite(at).all(axis=1)
         column, row = np.where(known[:, None], at, -1).astype(int).T
-        known &= (0 <= column) & (column < width) & (0 <= row) & (row < height)
+        known &= (column >= 0) & (column < width) & (row >= 0) & (row < height)
         rim[known] |= inside[row[known], column[known]] <= ON_OUTLINE
     return np.where(seen, PHOTOGRAPHS, np.where(rim, OUTLINE, GUESS)).astype(np.uint8)

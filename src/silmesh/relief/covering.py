@@ -11,7 +11,6 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import torch
 from numba import njit
-
 from scipy.ndimage import binary_dilation
 
 from silmesh.geometry.camera import Cameras
@@ -31,19 +30,15 @@ def cover(
     grid: Grid,
     silhouettes: np.ndarray,
     cameras: Cameras,
-) -> tuple[np.ndarray, int, int]:
-    """The places that silhouettes miss.
+) -> np.ndarray:
+    """The places that silhouettes miss: [grid] bool, the samples that are to be put back.
 
     Args:
         field, bound: [grid], positive inside
         silhouettes: [views, height, width] bool
         cameras: of these views
-    Returns:
-        [grid] bool, the samples that are to be put back, how many pixels met nothing, and how many
-        are covered by the bound
     """
     missing = np.zeros(grid.shape, bool)
-    lost = covered = 0
     for i in range(len(cameras)):
         rows, columns = np.nonzero(silhouettes[i])
         pixels = np.stack([columns + 0.5, rows + 0.5, np.ones(len(rows))], axis=1)
@@ -51,9 +46,8 @@ def cover(
         ways = pixels @ np.linalg.inv(K).T @ R / grid.spacing
         eye = (cameras.centres[i].numpy() - grid.origin) / grid.spacing
         ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-        bare, full = _follow(field, bound, missing, eye, ways)
-        lost, covered = lost + bare, covered + full
-    return missing, lost, covered
+        _follow(field, bound, missing, eye, ways)
+    return missing
 
 
 def strike(
@@ -106,7 +100,6 @@ def _strike(votes, depth, missing, eye, to_grid):
 def _follow(field, bound, missing, eye, ways):
     """Mark the best sample of each ray [rays, 3] from the eye that meets nothing inside."""
     shape = field.shape
-    lost = covered = 0
     for ray in range(len(ways)):
         first, last = 0.0, np.inf
         for axis in range(3):
@@ -131,8 +124,5 @@ def _follow(field, bound, missing, eye, ways):
                     if best > 0:
                         break
             at += STEP
-        covered += known
         if known and best <= 0:
-            lost += 1
             missing[i, j, k] = True
-    return lost, covered
