@@ -167,3 +167,11 @@ def test_the_side_is_that_of_the_photographs_pixels_or_as_asked(ball):
     across = 2 * RADIUS * ours.notes["size"]
     assert 256 <= ours.notes["size"] <= 768
     assert across > 150
+
+
+def test_without_anything_seen_all_is_grey(ball):
+    ball.silhouettes[:] = False
+    texture = ball.bake()
+    assert np.abs(texture.image.astype(int) - 124).max() <= 1
+    assert not texture.seen.any()
+    assert texture.notes["unseen"] == 1
