@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from silmesh.texture.agreement import agree
+from silmesh.texture.robust_colours import agree
 
 PAINT = np.array([120.0, 90, 60])
 
