@@ -74,6 +74,11 @@ REFUSED = 4.0  # pixels, as SUSPECT: root mean square residual from which a turn
 # Share of the views with a silhouette that have to agree on a turntable, beside FEWEST_AGREEING.
 SHARE = 0.55
 FULL = "it fills its photograph"
+AIMED = (
+    "nothing shows: the camera is taken to have been aimed at the object, and the elevation is "
+    "that of its line of sight"
+)
+AIMED_AS_GIVEN = "follows from the elevation that was given"
 TURNED = 5.0  # degrees: phases that differ by less are the same
 
 
@@ -218,17 +223,19 @@ def calibrate(
     given = Given(len(views), step, elevation, above_table)
     repeated = _find_repeated(silhouettes[shown], named)
     fewest = max(SHARE * (len(shown) + len(full)), FEWEST_AGREEING)
+    crops = Crops(silhouettes, frames, scales)
     if split:
         found = fit_split(turn, split, rounds, silhouettes, above_table, fewest, True, progress)
     else:
-        crops = Crops(silhouettes, frames, scales)
         found = fit_any(turn, given, silhouettes, signs, crops, fewest, guess, progress)
     progress(1)
     if found.is_of_all:
-        _refuse_incoherent(found, repeated, signs)
+        _refuse_incoherent(found, [*repeated, *crops.say_cut(turn), *crops.say_sets()], signs)
     verdict = None if found.is_of_all else found.verdict
     disagreeing = {views[i]: FULL for i in full} | _name_disagreeing(verdict, named)
     said = [*repeated, *_warn_of_disagreement(disagreeing, views)]
+    if found.crops or crops.told or (disagreeing and crops.are_cut(turn)):
+        said += _tell_cut(found, crops.say_cut(turn))
     if not (found.crops and found.crops.cropped.whole.all()):
         said += _find_cut(turn, named)
     pixels = {} if verdict is None else dict(zip(shown, verdict.pixels, strict=True))
@@ -377,6 +384,17 @@ def _refuse_incoherent(
     )
 
 
+def _tell_cut(found: Found, cut: Sequence[str]) -> Sequence[str]:
+    """Refuse crops that seem to cut the object and contradict each other; otherwise say so."""
+    if cut and found.crops and not found.is_of_all:
+        agree = found.verdict.agrees
+        raise InputError(
+            f"cameras 'calibrate': the photographs seem to be cropped one by one, but crops "
+            f"explain {agree.sum()} of {len(agree)} views only; {cut[0]}"
+        )
+    return cut
+
+
 def _say_tried(found: Found) -> list[str]:
     """Into which rounds the photographs were divided, if they were."""
     if found.split is None:
@@ -423,7 +441,7 @@ def _report(
     because = found.split.because if found.split else ""
     warnings = [
         *_say_rounds(rounds, because),
-        *_say_crops(crops),
+        *_say_crops(crops, estimates),
         *said,
         *([LATHE] if alike else _warn_of_estimates(estimates)),
         *([] if alike else _warn_of_rivals(estimates, fit.rivals, certain, fit.mirror)),
@@ -536,7 +554,7 @@ def _describe_crops(fit: CropFit, sd: np.ndarray, views: Sequence[str]) -> dict[
     }
 
 
-def _say_crops(crops: dict[str, Crop]) -> list[str]:
+def _say_crops(crops: dict[str, Crop], estimates: dict[str, Estimate]) -> list[str]:
     """A sentence that says that the views were cropped, if they were."""
     if not crops:
         return []
@@ -546,10 +564,11 @@ def _say_crops(crops: dict[str, Crop]) -> list[str]:
     scaled = max(scales) > min(scales)
     said = f", scaled from {min(scales):.2f} to {max(scales):.2f} (+- {sd[2]:.1%})" * scaled
     x, y = np.ptp(shifts, axis=0)
+    given = estimates["elevation"].status == "given"
     return [
         f"the photographs are taken to be cropped one by one: shifted by up to {x:.1f} and {y:.1f} "
         f"pixels of the working images against each other (+- {sd[0]:.1f} and {sd[1]:.1f}){said}; "
-        "photographs that were not cropped tell more, of the elevation above all"
+        f"where their middles were before, {AIMED_AS_GIVEN if given else AIMED}"
     ]
 
 

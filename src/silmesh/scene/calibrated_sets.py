@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+import torch
 from PIL import Image
 
 from silmesh.cameras.attempt import CHECK_SERIES, Attempt
@@ -96,7 +97,72 @@ def _calibrate_each(
         if attempt.cameras is None:
             return _refuse(some, f"taken by itself: {attempt.refusal}")
         attempts.append(attempt)
-    return join_attempts(attempts, views, silhouettes, pictures)
+    joined = join_attempts(attempts, views, silhouettes, pictures)
+    if joined.cameras is not None:
+        return joined
+    return _join_mirrored(joined, attempts, views, silhouettes, pictures)
+
+
+def _join_mirrored(
+    refused: Attempt,
+    attempts: Sequence[Attempt],
+    views: Sequence[View],
+    silhouettes: np.ndarray,
+    pictures: Mapping[str, Image.Image] | None,
+) -> Attempt:
+    """The sets with one turned the other way, if they join so: a set alone may leave that open.
+
+    The set that was seen most nearly from the level of its table is tried first, since there what
+    tells an object from its mirror image says least. If no set does it, they are refused.
+    """
+    unsure = [n for n, attempt in enumerate(attempts) if _may_be_mirrored(attempt)]
+    for n in sorted(unsure, key=lambda n: abs(_elevation_of(attempts[n]))):
+        twin = _mirror(attempts[n])
+        joined = join_attempts(
+            [*attempts[:n], twin, *attempts[n + 1 :]], views, silhouettes, pictures
+        )
+        if joined.cameras is not None:
+            return replace(joined, warnings=(_say_mirrored(twin), *joined.warnings))
+    if not unsure:
+        return refused
+    said = "; nor do they join if one of them is taken to have turned the other way"
+    return replace(refused, refusal=f"{refused.refusal}{said}")
+
+
+def _may_be_mirrored(attempt: Attempt) -> bool:
+    """Whether the set's silhouettes leave open which way the object turned."""
+    figures = attempt.figures
+    told = figures["mirror"] in ("perspective", "elevation") and figures["direction_certain"]
+    return not told and "rounds" not in figures
+
+
+def _elevation_of(attempt: Attempt) -> float:
+    return attempt.figures["estimates"]["elevation"]["value"]
+
+
+def _mirror(attempt: Attempt) -> Attempt:
+    """The cameras that see the mirrored object nearly the same, if they are far from it.
+
+    Negating depth, with D = diag(1, 1, -1), takes R to D R D in the world that D mirrors.
+    """
+    D = torch.tensor([1.0, 1.0, -1.0], dtype=attempt.cameras.R.dtype)
+    cameras = replace(attempt.cameras, R=D[:, None] * attempt.cameras.R * D)
+    estimates = {
+        name: {**one, "value": -one["value"]} if name in ("elevation", "step") else one
+        for name, one in attempt.figures["estimates"].items()
+    }
+    figures = {**attempt.figures, "estimates": estimates, "mirror": "sets"}
+    return replace(attempt, cameras=cameras, figures=figures)
+
+
+def _say_mirrored(twin: Attempt) -> str:
+    views = twin.cameras.views
+    return (
+        f"cameras {SOURCE!r}: {views[0]!r} to {views[-1]!r} ({len(views)} views) are taken to turn "
+        f"the other way, seen from {_elevation_of(twin):.1f} degrees instead of "
+        f"{-_elevation_of(twin):.1f}: their silhouettes alone explain a mirrored object as well, "
+        "and only so do the sets join; if the mesh is mirrored, it was another set"
+    )
 
 
 def _refuse(some: Sequence[View], why: str) -> Attempt:
