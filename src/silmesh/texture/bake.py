@@ -97,13 +97,15 @@ def bake(
         progress(0.6)
         blend = _Blend(mesh, views)
         atlas = flat.result()
-        side = size or _choose_size(mesh, atlas, views)
-        layers = _Layers(mesh, find_texels(atlas, side))
+        fine = _choose_size(mesh, atlas, views)
+        side = size or fine
+        finer = max(1, min(fine, LARGEST) // side)  # a smaller picture is the mean of a fine one
+        layers = _Layers(mesh, find_texels(atlas, side * finer))
         ahead = _read_ahead(pool, originals, chosen)
         for done, (view, photograph) in enumerate(zip(views, ahead, strict=True)):
             layers.add(pool, view, photograph, *blend.of(done))
             progress(0.6 + 0.4 * (done + 1) / len(chosen))
-    image, seen, shown = layers.paint(side, blend.filled)
+    image, seen, shown = layers.paint(side, finer, blend.filled)
     notes = {
         "size": side,
         "charts": atlas.charts,
@@ -246,10 +248,14 @@ class _Layers:
         edges = np.linspace(0, len(texels.at), PARTS + 1).astype(int)
         list(pool.map(run, [slice(a, b) for a, b in pairwise(edges)]))
 
-    def paint(self, side: int, filled: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    def paint(
+        self, side: int, finer: int, filled: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, float]:
         """The picture, which texels some view shows, and their share of those on the mesh.
 
         Args:
+            side: of the picture
+            finer: how many times as many texels a side there are sums of
             filled: [verts, 3] colours that what is hardly seen leans on
         """
         texels, weight = self._texels, self._slow[:, 3:]
@@ -257,9 +263,12 @@ class _Layers:
         under = np.einsum("nk,nkc->nc", texels.weights, corners)
         colours = (self._slow[:, :3] + SURE * under) / (weight + SURE)
         colours += self._fast[:, :3] / np.maximum(self._fast[:, 3:], SURE)
-        image = np.zeros((side * side, 3), np.float32)
-        known, seen = np.zeros(side * side, bool), np.zeros(side * side, bool)
+        large = side * finer
+        image = np.zeros((large * large, 3), np.float32)
+        known, seen = np.zeros(large * large, bool), np.zeros(large * large, bool)
         image[texels.at], known[texels.at], seen[texels.at] = colours, True, weight[:, 0] > 0
-        padded = fill_gaps(image.reshape(side, side, 3), known.reshape(side, side))
-        picture = padded.round().clip(0, 255).astype(np.uint8)
-        return picture, seen.reshape(side, side), float((weight > 0).mean())
+        padded = fill_gaps(image.reshape(large, large, 3), known.reshape(large, large))
+        blocks = padded.reshape(side, finer, side, finer, 3).mean(axis=(1, 3))
+        picture = blocks.round().clip(0, 255).astype(np.uint8)
+        shown = seen.reshape(side, finer, side, finer).any(axis=(1, 3))
+        return picture, shown, float((weight > 0).mean())
