@@ -112,14 +112,14 @@ def test_python_command_and_workflow_give_the_same_mesh(photos, tmp_path):
     python(
         "import json, silmesh\n"
         f"result = silmesh.reconstruct('photos', size={SIZE}, **{KNOWN})\n"
-        "result.save('api.glb'), result.save('api.obj')\n"
+        "[result.save(f'api.{kind}') for kind in ('glb', 'obj', 'ply')]\n"
         "json.dump(result.metrics, open('api.json', 'w'))",
         tmp_path,
     )
     options = ["--cameras", "turntable", "--turntable", KNOWN["turntable"], "--size", str(SIZE)]
     words = ["-c", COMMAND, "photos", *options, "--cores", "1"]
-    python("", tmp_path, *words, "-o", "command.glb")
-    python("", tmp_path, *words, "-o", "command.obj")
+    for kind in ("glb", "obj", "ply"):
+        python("", tmp_path, *words, "-o", f"command.{kind}")
     (tmp_path / "config.yaml").write_text(CONFIG)
     (tmp_path / "datasets.tsv").write_text(TABLE.format(KNOWN["turntable"]))
     made = [f"results/cup/mesh/mesh.{kind}" for kind in ("glb", "obj")]
@@ -128,6 +128,7 @@ def test_python_command_and_workflow_give_the_same_mesh(photos, tmp_path):
     for kind in ("glb", "obj", "mtl", "png"):
         files = [f"api.{kind}", f"command.{kind}", f"results/cup/mesh/mesh.{kind}"]
         assert len({digest(tmp_path / file) for file in files}) == 1, kind
+    assert digest(tmp_path / "api.ply") == digest(tmp_path / "command.ply")
 
 
 @pytest.mark.slow

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
-from balls import LARGE, RADIUS, photograph_ball
+from balls import GROUND, LARGE, RADIUS, photograph_ball
 from PIL import Image
 
 from silmesh.errors import InputError
@@ -73,6 +73,17 @@ def test_without_held_out_photographs_nothing_is_measured_and_it_is_the_same_eac
     assert (one.image == other.image).all()
     assert (one.uv == other.uv).all()
     assert "no photograph shows" in one.notes["warnings"][0]  # the ball's lower side
+
+
+def test_an_object_of_one_colour_has_a_texture_of_that(tmp_path):
+    ball = photograph_ball(tmp_path, COUNT)
+    for file in tmp_path.iterdir():
+        with Image.open(file) as image:
+            shown = (np.asarray(image) != GROUND).any(axis=2)
+        plain = np.where(shown[..., None], (200, 120, 40), GROUND).astype(np.uint8)
+        Image.fromarray(plain).save(file)
+    found = bake(ball)
+    assert np.abs(found.image[found.seen] - np.array([200.0, 120, 40])).max() <= 4
 
 
 def test_a_photograph_that_vanished_or_changed_is_named(tmp_path):

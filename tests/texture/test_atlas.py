@@ -7,10 +7,11 @@ import trimesh
 from silmesh.texture.atlas import find_texels, unwrap
 
 
-@pytest.fixture(scope="module", params=["ball", "box"])
+@pytest.fixture(scope="module", params=["ball", "box", "fine"])
 def mesh(request):
     return {
         "ball": trimesh.creation.icosphere(2, 0.4),
+        "fine": trimesh.creation.icosphere(5, 0.4),  # more than are cut together
         "box": trimesh.creation.box((1, 0.7, 0.4)),
     }[request.param]
 
@@ -18,6 +19,7 @@ def mesh(request):
 def test_vertices_are_split_and_faces_keep_their_order(mesh):
     atlas = unwrap(mesh.vertices, mesh.faces)
     assert (atlas.origin[atlas.faces] == mesh.faces).all()
+    assert set(atlas.origin) == set(range(len(mesh.vertices)))
     assert atlas.uv.min() >= 0
     assert atlas.uv.max() <= 1
     assert atlas.charts >= 2
@@ -36,8 +38,8 @@ def test_texels_lie_where_their_triangle_does(mesh):
 def test_areas_are_kept_so_that_texels_are_of_one_size(mesh):
     atlas = unwrap(mesh.vertices, mesh.faces)
     texels = find_texels(atlas, 256)
-    counts = np.bincount(texels.faces, minlength=len(mesh.faces))
-    density = counts.sum() / mesh.area
     assert len(texels.at) > 0.4 * 256**2
-    assert np.corrcoef(counts, mesh.area_faces * density)[0, 1] > 0.6 or len(mesh.faces) > 100
-    assert np.abs(counts - mesh.area_faces * density).mean() < 0.35 * counts.mean()
+    above = mesh.triangles_center[texels.faces] > 0
+    for axis in range(3):  # both halves of the mesh have the texels that their areas are due
+        area = mesh.area_faces[mesh.triangles_center[:, axis] > 0].sum() / mesh.area
+        assert above[:, axis].mean() == pytest.approx(area, abs=0.06)

@@ -163,7 +163,18 @@ def test_a_hand_in_one_view_is_outvoted_where_several_see_what_it_hides(tmp_path
 
 def test_the_side_is_that_of_the_photographs_pixels_or_as_asked(ball):
     assert ball.bake(size=300).image.shape == (300, 300, 3)
+    small = ball.bake(size=128)  # the mean of what is finer
+    assert small.image.shape == (128, 128, 3)
+    assert errors(small).mean() < 12
     ours = ball.bake()
     across = 2 * RADIUS * ours.notes["size"]
     assert 256 <= ours.notes["size"] <= 768
     assert across > 150
+
+
+def test_without_anything_seen_all_is_grey(ball):
+    ball.silhouettes[:] = False
+    texture = ball.bake()
+    assert np.abs(texture.image.astype(int) - 124).max() <= 1
+    assert not texture.seen.any()
+    assert texture.notes["unseen"] == 1

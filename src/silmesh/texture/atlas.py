@@ -19,6 +19,7 @@ from silmesh.texture.raster import draw, weigh_corners
 
 RESOLUTION = 1024  # texels of the square that charts are packed for
 PADDING = 4  # texels of it between charts
+PART = 16_000  # triangles that are cut into charts together; the time grows with their square
 
 
 @dataclass(frozen=True)
@@ -65,19 +66,43 @@ def unwrap(verts: np.ndarray, faces: np.ndarray) -> Atlas:
         faces: [faces, 3]
     """
     atlas = xatlas.Atlas()
-    atlas.add_mesh(verts.astype(np.float32), faces.astype(np.uint32))
+    parts = _split(verts[faces].mean(axis=1), np.arange(len(faces)))
+    origins = []
+    for part in parts:
+        used, corners = np.unique(faces[part], return_inverse=True)
+        atlas.add_mesh(verts[used].astype(np.float32), corners.reshape(-1, 3).astype(np.uint32))
+        origins.append(used)
     packing = xatlas.PackOptions()
     packing.resolution, packing.padding = RESOLUTION, PADDING
     atlas.generate(xatlas.ChartOptions(), packing)
-    origin, corners, uv = atlas.get_mesh(0)
+    return _join(atlas, parts, origins, len(faces))
+
+
+def _split(centres: np.ndarray, part: np.ndarray) -> list[np.ndarray]:
+    """Halve triangles [faces] by where they lie until each part has at most PART."""
+    if len(part) <= PART:
+        return [part]
+    axis = np.ptp(centres[part], axis=0).argmax()
+    order = part[centres[part, axis].argsort(kind="stable")]
+    halves = np.split(order, [len(order) // 2])
+    return [small for half in halves for small in _split(centres, np.sort(half))]
+
+
+def _join(
+    atlas: xatlas.Atlas, parts: list[np.ndarray], origins: list[np.ndarray], faces: int
+) -> Atlas:
+    """The parts of a packed atlas as one, its triangles in the order of the mesh's."""
     extent = np.array([atlas.width, atlas.height])
-    square = uv * extent / extent.max()
-    return Atlas(
-        origin.astype(np.int64),
-        corners.astype(np.int64),
-        np.stack([square[:, 0], 1 - square[:, 1]], axis=1).astype(np.float32),
-        atlas.chart_count,
-    )
+    origin, uv, corners, count = [], [], np.empty((faces, 3), np.int64), 0
+    for i, (part, used) in enumerate(zip(parts, origins, strict=True)):
+        ours, triangles, flat = atlas.get_mesh(i)
+        corners[part] = triangles.astype(np.int64) + count
+        origin.append(used[ours])
+        uv.append(flat * extent / extent.max())
+        count += len(ours)
+    u, v = np.concatenate(uv).T
+    coordinates = np.stack([u, 1 - v], axis=1).astype(np.float32)
+    return Atlas(np.concatenate(origin), corners, coordinates, atlas.chart_count)
 
 
 def find_texels(atlas: Atlas, size: int) -> Texels:

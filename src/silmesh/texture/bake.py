@@ -1,9 +1,10 @@
 """A texture of a mesh from the photographs at their own size.
 
 What a photograph says of the surface is weighed at the mesh's vertices (``weighing``), exposures
-are evened out (``exposure``), views that differ from the others are trusted less (``agreement``).
-Each texel then takes, by where it lies between the vertices, the mean of all views' slow colours,
-and the detail of those that see it best (``bands``, ``choice``). What no view sees is filled.
+are evened out (``exposure``), views that differ from the others are trusted less
+(``robust_colours``). Each texel then takes, by where it lies between the vertices, the mean of all
+views' slow colours, and the detail of those that see it best (``bands``, ``choice``). What no view
+sees is filled.
 """
 
 import time
@@ -15,22 +16,24 @@ from typing import Any
 
 import numpy as np
 import trimesh
+from numba import get_num_threads
 
 from silmesh.geometry.originals import Originals
 from silmesh.progress import Share, untold
-from silmesh.texture.agreement import agree
-from silmesh.texture.alignment import Alignment, take_details
 from silmesh.texture.atlas import Atlas, Texels, find_texels, unwrap
 from silmesh.texture.choice import share_detail
+from silmesh.texture.detail_alignment import Alignment, take_details
 from silmesh.texture.exposure import find_gains
 from silmesh.texture.filling import fill_vertices
 from silmesh.texture.padding import fill_gaps
+from silmesh.texture.robust_colours import agree
 from silmesh.texture.sampling import add_view
 from silmesh.texture.weighing import Points, Seen, Shot, even_out, take_shot, weigh
 
 SMALLEST, LARGEST, STEP = 256, 4096, 256  # sides of pictures whose size is chosen
 SURE = 0.02  # of the best weight anywhere: texels with less lean on what is filled in
-THREADS = 2
+THREADS = 4  # at most, as each has a photograph in memory
+PARTS = 8  # that texels are cut into for the threads
 POINTS = 15_000  # of the surface, by which cameras are refined
 
 
@@ -82,7 +85,7 @@ def bake(
     """
     start = time.perf_counter()
     chosen = list(range(len(originals)) if kept is None else kept)
-    with ThreadPoolExecutor(THREADS) as pool:
+    with ThreadPoolExecutor(min(THREADS, get_num_threads())) as pool:
         flat = pool.submit(unwrap, np.asarray(mesh.vertices), np.asarray(mesh.faces))
         cameras = originals.cameras.select(chosen)
         shots, details = _read_all(pool, mesh, originals, silhouettes, chosen, refine, progress)
@@ -94,13 +97,15 @@ def bake(
         progress(0.6)
         blend = _Blend(mesh, views)
         atlas = flat.result()
-        side = size or _choose_size(mesh, atlas, views)
-        layers = _Layers(mesh, find_texels(atlas, side))
+        fine = _choose_size(mesh, atlas, views)
+        side = size or fine
+        finer = max(1, min(fine, LARGEST) // side)  # a smaller picture is the mean of a fine one
+        layers = _Layers(mesh, find_texels(atlas, side * finer))
         ahead = _read_ahead(pool, originals, chosen)
         for done, (view, photograph) in enumerate(zip(views, ahead, strict=True)):
             layers.add(pool, view, photograph, *blend.of(done))
             progress(0.6 + 0.4 * (done + 1) / len(chosen))
-    image, seen, shown = layers.paint(side, blend.filled)
+    image, seen, shown = layers.paint(side, finer, blend.filled)
     notes = {
         "size": side,
         "charts": atlas.charts,
@@ -240,13 +245,17 @@ class _Layers:
             sums = self._slow[part], self._fast[part]
             add_view(on, corners, *surface, numbers, *maps, *sums)
 
-        edges = np.linspace(0, len(texels.at), 4 * THREADS + 1).astype(int)
+        edges = np.linspace(0, len(texels.at), PARTS + 1).astype(int)
         list(pool.map(run, [slice(a, b) for a, b in pairwise(edges)]))
 
-    def paint(self, side: int, filled: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    def paint(
+        self, side: int, finer: int, filled: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, float]:
         """The picture, which texels some view shows, and their share of those on the mesh.
 
         Args:
+            side: of the picture
+            finer: how many times as many texels a side there are sums of
             filled: [verts, 3] colours that what is hardly seen leans on
         """
         texels, weight = self._texels, self._slow[:, 3:]
@@ -254,9 +263,12 @@ class _Layers:
         under = np.einsum("nk,nkc->nc", texels.weights, corners)
         colours = (self._slow[:, :3] + SURE * under) / (weight + SURE)
         colours += self._fast[:, :3] / np.maximum(self._fast[:, 3:], SURE)
-        image = np.zeros((side * side, 3), np.float32)
-        known, seen = np.zeros(side * side, bool), np.zeros(side * side, bool)
+        large = side * finer
+        image = np.zeros((large * large, 3), np.float32)
+        known, seen = np.zeros(large * large, bool), np.zeros(large * large, bool)
         image[texels.at], known[texels.at], seen[texels.at] = colours, True, weight[:, 0] > 0
-        padded = fill_gaps(image.reshape(side, side, 3), known.reshape(side, side))
-        picture = padded.round().clip(0, 255).astype(np.uint8)
-        return picture, seen.reshape(side, side), float((weight > 0).mean())
+        padded = fill_gaps(image.reshape(large, large, 3), known.reshape(large, large))
+        blocks = padded.reshape(side, finer, side, finer, 3).mean(axis=(1, 3))
+        picture = blocks.round().clip(0, 255).astype(np.uint8)
+        shown = seen.reshape(side, finer, side, finer).any(axis=(1, 3))
+        return picture, shown, float((weight > 0).mean())

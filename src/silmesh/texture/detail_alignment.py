@@ -101,14 +101,14 @@ class Alignment:
         before = self._judge(last)
         better = after < BETTER * before
         pixels = self._shifts(moved)
-        if np.nansum(after) >= BETTER * np.nansum(before):
+        if np.sum(after) >= BETTER * np.sum(before):
             better[:] = False
         self.moves = np.where(better[:, None], moved, 0)
         notes = {
             "moved": int(better.sum()),
             "pixels": round(float(np.median(pixels[better])), 2) if better.any() else 0.0,
-            "error_before": round(float(np.nanmean(before)), 3),
-            "error_after": round(float(np.nanmean(after)), 3),
+            "error_before": round(float(np.mean(before)), 3),
+            "error_after": round(float(np.mean(after)), 3),
         }
         return self._apply(), notes
 
@@ -157,12 +157,10 @@ class Alignment:
         return apart, weights / (1 + (apart / (1.5 * spread)) ** 2), sampled[..., 1:]
 
     def _judge(self, band: int) -> np.ndarray:
-        """Each view's mean difference at the points that do not move it: [views]."""
+        """Each view's mean difference at the points that do not move it, 0 without any: [views]."""
         apart, _, _ = self._compare(band)
         weights = self._weights * self._judges
-        total = weights.sum(axis=1)
-        with np.errstate(invalid="ignore"):
-            return np.where(total > 0, (weights * np.abs(apart)).sum(axis=1) / total, np.nan)
+        return (weights * np.abs(apart)).sum(axis=1) / np.maximum(weights.sum(axis=1), 1e-12)
 
     def _step(self, band: int) -> None:
         """One Gauss-Newton step of every camera."""
@@ -180,6 +178,8 @@ class Alignment:
             along = np.einsum("nk,nkp->np", g, J)
             left = along.T @ (w[:, None] * along) + hold * np.einsum("n,nkp,nkq->pq", w, J, J)
             right = along.T @ (w * apart[i, used]) + hold * np.einsum("n,nkp,nk->p", w, J, held)
+            if not np.trace(left) > 0:  # the photographs have no detail there
+                continue
             change = -np.linalg.solve(left + 1e-9 * np.trace(left) * np.eye(6), right)
             far = np.abs(J @ change).max()
             moves[i] += change * min(1.0, FARTHEST / max(far, 1e-12))
