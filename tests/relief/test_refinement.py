@@ -16,7 +16,7 @@ from silmesh.geometry.visual_hull import carve
 from silmesh.relief.depths import cast_rays, find_neighbours, sweep
 from silmesh.relief.refinement import Relief, refine
 from silmesh.relief.sights import look
-from silmesh.relief.surface import GUESS, PHOTOGRAPHS, simplify
+from silmesh.relief.surface import PHOTOGRAPHS, simplify
 from silmesh.shapes.downsample import render
 from silmesh.synthetic.orbit import photograph_cameras
 from silmesh.synthetic.paints import coat, rgb, speckle
@@ -171,7 +171,6 @@ def test_without_texture_the_surface_stays_as_it_is(tmp_path, paint):
         assert np.array_equal(relief.faces, scene.hull.faces)
         assert "photographs agree on" in relief.notes["reason"]
         assert not (relief.standing == PHOTOGRAPHS).any()
-        assert (relief.standing == GUESS).any()
 
 
 def test_what_is_thinner_than_the_grid_stays_as_it_is(textured):
