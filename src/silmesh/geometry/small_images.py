@@ -20,11 +20,15 @@ def shrink(silhouettes: np.ndarray, cameras: Cameras, size: int) -> tuple[np.nda
     """
     count, height, width = silhouettes.shape
     shape = shrink_shape((height, width), size)
-    images = torch.from_numpy(silhouettes.astype(np.float32)).unsqueeze(1)
-    small = torch.nn.functional.interpolate(images, shape, mode="area").squeeze(1)
+    small = np.stack([_shrink_image(silhouette, shape) for silhouette in silhouettes])
     to_small = torch.diag(torch.tensor([shape[1] / width, shape[0] / height, 1.0])).double()
     sizes = torch.tensor([[shape[1], shape[0]]]).expand(count, 2)
-    return (small > 0.5).numpy(), cameras.in_pixels_of(to_small.expand(count, 3, 3), sizes)
+    return small, cameras.in_pixels_of(to_small.expand(count, 3, 3), sizes)
+
+
+def _shrink_image(silhouette: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    image = torch.from_numpy(silhouette.astype(np.float32))[None, None]
+    return (torch.nn.functional.interpolate(image, shape, mode="area")[0, 0] > 0.5).numpy()
 
 
 def shrink_shape(shape: tuple[int, int], size: int) -> tuple[int, int]:
