@@ -92,9 +92,7 @@ def build_levels(
         small: ``images.shrink()``
         sigma: of the finest level, and of the finest one of ``small``
     """
-    dense = build_pyramid(
-        small.cameras, small.silhouettes, sigma[1], coarse_to_fine, small.known
-    )
+    dense = build_pyramid(small.cameras, small.silhouettes, sigma[1], coarse_to_fine, small.known)
     if not images.large:
         return dense
     size = images.silhouettes.shape[-1]
