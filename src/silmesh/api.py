@@ -47,7 +47,7 @@ from silmesh.intake.arguments import (
     refuse_cameras,
     refuse_empty_mesh,
 )
-from silmesh.intake.photographs import find_masks, find_photographs, is_video
+from silmesh.intake.photographs import find_longest, find_masks, find_photographs, is_video
 from silmesh.intake.sources import choose_cameras, choose_silhouettes, look
 from silmesh.naming import match_masks
 from silmesh.progress import Share, untold
@@ -56,6 +56,7 @@ from silmesh.scene.judged import judge_scene
 from silmesh.scene.scene import Scene
 from silmesh.settings.cameras import Calibrate, Colmap
 from silmesh.settings.check import check
+from silmesh.settings.detail import FAST, NORMAL, choose_detail
 from silmesh.settings.fit import Fit, SoftRasFit
 from silmesh.settings.init import Init
 from silmesh.settings.quality import Quality
@@ -67,7 +68,7 @@ from silmesh.silhouettes import Found
 from silmesh.silhouettes import find_silhouettes as find_each
 from silmesh.silhouettes.mask import refuse_labels
 from silmesh.texture.vertex_colours import colour_vertices
-from silmesh.views import View, in_order, make_views, stack_pictures
+from silmesh.views import Pictures, View, in_order, make_views
 
 Paths = str | Path | Sequence[str | Path]
 CameraSource = str | Path | Cameras
@@ -163,7 +164,8 @@ def reconstruct(
     silhouettes: str | None = None,
     turntable: str = "",
     sets: str = "",
-    size: int = 256,
+    detail: str = NORMAL,
+    size: int | None = None,
     init: str = HULL,
     preset: str = "fast",
     quality: str = "auto",
@@ -186,7 +188,9 @@ def reconstruct(
         sets: of photographs between which the object was turned over, as globs of view names or as
             folders, ``upright_*;turned_*``; found, where one turntable explains not all, if not
             given; used by ``calibrate`` and ``auto``, and refused with ``turntable``
-        size: side of the working images, in pixels
+        detail: ``draft``: small and quick; ``normal``; ``high``: the photographs' own size, as far
+            as 8 GiB reach
+        size: side of the working images, in pixels; that of ``detail`` if not given
         init: shape of the initial mesh, or a function of your own
         preset: of the fit, ``fast`` or ``softras``, or a function of your own
         quality: what is done with outliers: ``auto``, ``keep``, ``drop`` or ``repair``
@@ -197,12 +201,15 @@ def reconstruct(
     Raises:
         InputError: what is given cannot be used, or no cameras agree with the silhouettes
     """
-    named = {"views": {"size": size}, "init": {"shape": init}}
-    named |= {"fit": {"preset": preset}, "quality": {"policy": quality}}
-    sections = _check_sections(settings or {}, named)
-    known = _read_truth(truth)  # before the work
     beside = [path for path in (masks, cameras) if isinstance(path, str | Path)]
     files, notes, video = _find_files(photographs, beside, bool(sets))
+    longest = find_longest(files) if detail != NORMAL else 0
+    chosen = choose_detail(detail, longest, len(files), size)
+    finer = chosen.settings.get("fit", {}) if preset == FAST else {}
+    named = {"views": chosen.settings["views"], "init": {"shape": init}}
+    named |= {"fit": {"preset": preset, **finer}, "quality": {"policy": quality}}
+    sections = _check_sections(settings or {}, named)
+    known = _read_truth(truth)  # before the work
     origin = _SilhouetteSource(files, masks, silhouettes)
     policy, fewest = _policy(origin.source, sections["quality"])
     shown = _read(files, notes, video, sections["views"], policy, fewest, _tell(progress, "views"))
@@ -455,7 +462,7 @@ def colour(fitted: Fitted, scene: Scene) -> trimesh.Trimesh:
         mesh.vertices,
         mesh.faces,
         cameras,
-        stack_pictures(scene.images, cameras.views),
+        Pictures(scene.images, cameras.views),
         scene.silhouettes,
     )
     return trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=colours, process=False)

@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from glob import escape
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,7 @@ from silmesh.geometry.thresholds import CONVINCING
 from silmesh.intake.photographs import (
     describe_count,
     find_cameras,
+    find_longest,
     find_masks,
     find_photographs,
     find_unread,
@@ -40,6 +41,7 @@ from silmesh.naming import name_views
 from silmesh.own_code import own_file
 from silmesh.planning.datasets import usable
 from silmesh.scene.diagnosis import MEASURED, describe_masks
+from silmesh.settings.detail import FAST, NORMAL, choose_detail
 from silmesh.silhouettes.mask import refuse_labels
 from silmesh.silhouettes.weights import CACHE
 
@@ -76,8 +78,8 @@ def make_mesh(
         keep: the folder to work in; None for one in the cache
         masks: their folder; None where they are not given
         silhouettes, cameras: sources; None where they are to be chosen
-        options: of the configuration: ``turntable``, ``sets``, ``size``, ``init``, ``preset``,
-            ``quality``
+        options: of the configuration: ``turntable``, ``sets``, ``detail``, ``size``, ``init``,
+            ``preset``, ``quality``; None where a level of detail or a size is not given
 
     Raises:
         InputError: what is named cannot be used
@@ -95,6 +97,7 @@ def make_mesh(
     if silhouettes == MASK:
         refuse_labels(found)
     options["sets"] = _name_sets(options["sets"], files)
+    options["chosen"] = _choose_detail(files, options["detail"], options["size"], cores)
     if options["sets"]:
         _say(*filter(None, [describe_unused(tries[0])]))
     work = Workspace(folder, name, tuple(files), tuple(found))
@@ -263,6 +266,17 @@ def _choose(
     return silhouettes, tries
 
 
+def _choose_detail(
+    files: Sequence[Path], detail: str | None, size: int | None, cores: int
+) -> Mapping[str, Mapping[str, Any]]:
+    """The settings of a level of detail; if it is asked for, what they will cost is said."""
+    longest = find_longest(files) if detail else 0
+    chosen = choose_detail(detail or NORMAL, longest, len(files), size, cores)
+    if detail:
+        _say(*chosen.said)
+    return chosen.settings
+
+
 def _try(
     work: Workspace,
     runner: Runner,
@@ -350,10 +364,12 @@ def _configure(
         "turntable": options["turntable"],
         "sets": options["sets"],
     }
+    chosen = options["chosen"]
+    finer = chosen.get("fit", {}) if preset == FAST else {}
     values = {
-        "views": {"size": options["size"]},
+        "views": chosen["views"],
         "quality": {"policy": options["quality"]},
-        "variants": {variant: {"init": {"shape": init}, "fit": {"preset": preset}}},
+        "variants": {variant: {"init": {"shape": init}, "fit": {"preset": preset, **finer}}},
     }
     return variant, row, values
 
