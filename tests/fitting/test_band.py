@@ -22,7 +22,7 @@ def disc(x, y, radius):
 def scene(shift=3.0):
     """A ball in two views, and discs that it misses by ``shift`` pixels."""
     mesh = trimesh.creation.icosphere(3)
-    mesh.apply_transform(trimesh.transformations.random_rotation_matrix([0.2, 0.5, 0.7]))
+    mesh.apply_transform(trimesh.transformations.rotation_matrix(1.1, [0.2, 0.5, 0.7]))
     points = np.stack([100 * mesh.vertices[:, :2] + [150, 140], 80 * mesh.vertices[:, 1:] + 150])
     silhouettes = np.stack([disc(150 + shift, 140, 100), disc(150, 150 - shift, 84)])
     return torch.tensor(points, dtype=torch.float32), torch.tensor(mesh.faces), silhouettes
@@ -92,10 +92,11 @@ def test_a_coarser_level_averages_the_pixels():
 
 def test_the_last_pixels_of_an_odd_size_count_by_what_they_show():
     silhouettes = np.zeros((1, 301, 301), bool)
-    silhouettes[0, 200:] = True  # reaches the lower side, of which half a pixel is beyond
+    silhouettes[0, 200:] = True  # reaches the lower and right sides, where pixels are half beyond
     level = BandLevel(2, silhouettes, SIGMA, 1.0)
-    corners = torch.tensor([[[-9.0, 100.0], [160.0, 100.0], [-9.0, 400.0], [160.0, 400.0]]])
-    faces = torch.tensor([[0, 1, 2], [1, 3, 2], [1, 0, 2], [3, 1, 2]])  # a folded, closed sheet
+    plate = trimesh.creation.box(bounds=[[-9, 100, 0], [160, 160, 1]])
+    corners = torch.tensor(plate.vertices[None, :, :2], dtype=torch.float32)
+    faces = torch.tensor(plate.faces)
     band = Band(level, corners, faces)
     loss = band.iou_loss(soft_tiles(corners, faces, band.tiles, SIGMA), [0])
     assert level.size == (151, 151)

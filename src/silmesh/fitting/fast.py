@@ -40,6 +40,7 @@ NEAR = 0.25  # the cameras are refined once the mean loss of a round is below th
 LEVELLED = 0.01  # a round that lowers the mean loss by a smaller share halves the steps
 HALVINGS = 5  # halvings of the steps after which the fit on the finest level ends
 COARSE_HALVINGS = 3  # halvings after which a coarser level gives way to the next finer one
+BAND_LEVELLED = 0.004  # as LEVELLED, of a band: each of its many vertices gains little in a round
 ROUND = 6  # least number of steps in a round
 # The mesh is remeshed if the standard deviation of its edge lengths over their mean exceeds
 # STRETCHED, or if their mean is less than FINER times the target length.
@@ -259,7 +260,9 @@ class Fast:
         if len(state.losses) < self._round:
             return
         mean, state.losses = sum(state.losses) / self._round, []
-        if mean > state.before * (1 - LEVELLED):  # a loss that falls after a jump has not levelled
+        level = self._levels[state.level]
+        levelled = BAND_LEVELLED if isinstance(level, BandLevel) else LEVELLED
+        if mean > state.before * (1 - levelled):  # a loss that falls after a jump has not levelled
             state.slowed += 1
         state.before = mean
         state.near |= self._settings.refine_cameras and mean < NEAR
