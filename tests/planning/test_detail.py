@@ -1,5 +1,7 @@
 """Levels of detail: what they set, what they say, and the memory that ``high`` keeps to."""
 
+import itertools
+
 import pytest
 
 from silmesh.errors import InputError
@@ -33,7 +35,7 @@ def test_high_takes_the_photographs_own_size_and_says_what_it_needs():
     assert said.endswith(f"{chosen.memory:.1f} GiB of memory")
 
 
-@pytest.mark.parametrize("longest, size", [(40, 256), (9000, 4096)])
+@pytest.mark.parametrize(("longest", "size"), [(40, 256), (9000, 4096)])
 def test_high_stays_within_what_working_images_may_be(longest, size):
     assert choose_detail("high", longest, 8).settings["views"]["size"] == size
 
@@ -58,7 +60,7 @@ def test_a_size_that_is_given_overrides():
 def test_a_finer_level_costs_more():
     costs = [estimate(size, 36, 100_000) for size in (256, 512, 1024, 2048, 4096)]
     assert costs == sorted(costs)
-    assert all(a < b for a, b in zip(costs, costs[1:], strict=False))
+    assert all(a < b for a, b in itertools.pairwise(costs))
 
 
 def test_an_unknown_level_is_refused():

@@ -351,11 +351,12 @@ class Fast:
     def restore(self, state: dict) -> None:
         """Go on from a state."""
         kept = deepcopy(state)
-        if not torch.equal(self.faces, kept["faces"]):
-            self._take_faces(kept["faces"], len(kept["u"]))
+        other = not torch.equal(self.faces, kept["faces"]) or self._state.level != kept["level"]
         for f in fields(State):
             here = getattr(self._state, f.name)
             setattr(self._state, f.name, _unpack(here, kept[f.name]))
+        if other:  # what depends on faces and level
+            self._take_faces(self.faces, len(self._state.u))
         self._band = None
 
 

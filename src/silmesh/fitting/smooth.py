@@ -35,7 +35,8 @@ class Smooth:
         adjacent = sparse.csc_array((np.ones(len(both)), both.T), shape=(verts, verts))
         laplacian = sparse.diags_array(adjacent.sum(axis=0)) - adjacent
         self.matrix = (sparse.eye_array(verts) + smoothing * laplacian).tocsc()
-        self._factor = _factorise(self.matrix) if verts <= DIRECT else _Chebyshev(self.matrix)
+        direct = verts <= DIRECT or not smoothing
+        self._factor = _factorise(self.matrix) if direct else _Chebyshev(self.matrix)
 
     def parameters(self, verts: Tensor) -> Tensor:
         """u of vertices [verts, 3], float64."""

@@ -129,7 +129,15 @@ def find_silhouettes(
         _refuse_wrong(spared, len(views), spare)
         lost[views[place].view] = FULL
         kept[place] = np.zeros_like(kept[place])
-    return Found(np.stack(kept), spared, lost)
+    return Found(_stack(kept), spared, lost)
+
+
+def _stack(images: list[np.ndarray]) -> np.ndarray:
+    """Images of one shape as one array; of each its own memory is given back at once."""
+    stacked = np.empty((len(images), *images[0].shape), images[0].dtype)
+    for i in range(len(images)):
+        stacked[i], images[i] = images[i], None
+    return stacked
 
 
 def _refuse_wrong(wrong: Sequence[str], views: int, spare: bool) -> None:
@@ -223,7 +231,11 @@ def encode(silhouette: np.ndarray) -> Image.Image:
 
 def read_silhouettes(folder: Path, views: Sequence[str]) -> np.ndarray:
     """The silhouettes of these views, [views, height, width] bool."""
-    return np.stack([_decode(folder / f"{view}.png") for view in views])
+    first = _decode(folder / f"{views[0]}.png")
+    silhouettes = np.empty((len(views), *first.shape), bool)
+    for into, view in zip(silhouettes, views, strict=True):
+        into[:] = _decode(folder / f"{view}.png")
+    return silhouettes
 
 
 def read_lost(folder: Path) -> Mapping[str, str]:
