@@ -50,6 +50,7 @@ SHORTEST = 1.0  # pixels of the working images: least target length of an edge
 REMESH_PASSES = 3  # passes of the remeshing
 # Pixels of the working images that ``untangle`` leaves between two sides of a sheet that crossed.
 APART = 0.1
+AHEAD = 2  # a mesh is as fine as images suit that are so many times larger than its level's
 REFINE_PASSES = 4  # passes of the remeshing that makes a mesh finer for the next level
 
 
@@ -285,11 +286,14 @@ class Fast:
             self._take_faces(self.faces, len(old[0]))
 
     def _count_faces(self) -> int:
-        """How many faces the mesh should have on this level: as large in pixels as on the dense."""
+        """How many faces the mesh should have on this level: that suit the next finer one.
+
+        Faces are then as large in its pixels as they were on the dense levels.
+        """
         level = self._levels[self._state.level]
         if not isinstance(level, BandLevel):
             return self._count
-        finer = (max(level.size) / BASE) ** 2
+        finer = (min(AHEAD * max(level.size), max(self._levels[-1].size)) / BASE) ** 2
         most = self._settings.vertices
         return max(self._count, int(min(self._count * finer, 2 * most)))
 
