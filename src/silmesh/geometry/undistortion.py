@@ -11,8 +11,9 @@ cuts the silhouette to reach as far as a box does in which it showed something e
 
 import shutil
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -30,6 +31,38 @@ MARGIN = 1.0
 
 
 @dataclass(frozen=True)
+class Bent:
+    """How a photograph's lens bends what a pinhole camera would show.
+
+    Attributes:
+        lens: that it was taken with
+        K: [3, 3] behind the lens, in pixels of the working image as it was taken
+        straight: [3, 3] of the pinhole, in pixels of the working image without the lens
+    """
+
+    lens: Lens
+    K: np.ndarray
+    straight: np.ndarray
+
+    def find_sources(self, pixels: np.ndarray) -> np.ndarray:
+        """Where the pinhole's pixels [..., 2] lie in the image as it was taken; NaN where nowhere.
+
+        Both in pixels of working images.
+        """
+        return _to_pixels(self.lens.distort(_normalise(pixels, self.straight)), self.K)
+
+    def describe(self) -> dict[str, Any]:
+        """The same for JSON."""
+        return {**asdict(self.lens), "K": self.K.tolist(), "straight": self.straight.tolist()}
+
+    @staticmethod
+    def parse(said: Mapping[str, Any]) -> "Bent":
+        """What ``describe`` described."""
+        lens = Lens(said["model"], tuple(said["parameters"]))
+        return Bent(lens, np.array(said["K"]), np.array(said["straight"]))
+
+
+@dataclass(frozen=True)
 class Undistorted:
     """Pinhole cameras, and how to make their images.
 
@@ -40,12 +73,14 @@ class Undistorted:
         displacement: in pixels of the working images, the largest that any lens causes
         frames: [views, 4] left, top, right and bottom of the photographs within the new
             images; None if that was not asked
+        bent: by the views that had a lens, also one that is ignored at the size of working images
     """
 
     cameras: Cameras
     sources: Mapping[str, np.ndarray]
     displacement: float
     frames: np.ndarray | None = None
+    bent: Mapping[str, Bent] = field(default_factory=dict)
 
     def silhouettes(self, old: np.ndarray) -> np.ndarray:
         """Silhouettes [views, height, width] bool in the order of the cameras, undistorted.
@@ -60,14 +95,14 @@ class Undistorted:
     def _silhouette(self, view: str, old: np.ndarray) -> np.ndarray:
         if view not in self.sources:
             return old
-        return _sample(old[..., None] * 1.0, self.sources[view], "bilinear")[..., 0] >= 0.5
+        return sample(old[..., None] * 1.0, self.sources[view], "bilinear")[..., 0] >= 0.5
 
     def image(self, view: str, old: Image.Image) -> Image.Image:
         """A view's working image, undistorted."""
         if view not in self.sources:
             return old
         pixels = np.asarray(old, np.float64)
-        sampled = _sample(np.atleast_3d(pixels), self.sources[view], "bicubic")
+        sampled = sample(np.atleast_3d(pixels), self.sources[view], "bicubic")
         rounded = sampled.round().clip(0, 255).astype(np.uint8)
         return Image.fromarray(rounded.reshape(pixels.shape))
 
@@ -95,7 +130,7 @@ def undistort(
     Raises:
         InputError: a silhouette lies where its lens shows no direction that a pinhole sees
     """
-    K, sources, most = cameras.K.numpy().copy(), {}, 0.0
+    K, sources, bent, most = cameras.K.numpy().copy(), {}, {}, 0.0
     anywhere, whole = silhouettes.any(axis=0), whole_frames(silhouettes)
     frames = whole if frames is None else np.asarray(frames)
     left = frames.copy()
@@ -114,14 +149,15 @@ def undistort(
             )
         moved = float(np.linalg.norm(undistorted - outline, axis=1).max())
         most = max(most, moved)
+        bent[view] = Bent(lens, K[i].copy(), K[i].copy())
         if moved > MATTERS:
-            new = _fit(undistorted, silhouette) @ K[i]
-            sources[view] = _find_sources(silhouette.shape, new, K[i], lens)
-            K[i] = new
+            K[i] = _fit(undistorted, silhouette) @ K[i]
+            bent[view] = replace(bent[view], straight=K[i].copy())
+            sources[view] = _find_sources(silhouette.shape, bent[view])
             cut = count_on_frame(silhouettes[i], frames[i]) > 0
             left[i] = _find_frame(sources[view], frames[i]) if cut else whole[i]
     pinholes = replace(cameras, K=torch.as_tensor(K), lenses=())
-    return Undistorted(pinholes, sources, most, left)
+    return Undistorted(pinholes, sources, most, left, bent)
 
 
 def _box_points(silhouette: np.ndarray) -> np.ndarray:
@@ -160,13 +196,10 @@ def _fit(undistorted: np.ndarray, silhouette: np.ndarray) -> np.ndarray:
     )
 
 
-def _find_sources(
-    shape: tuple[int, int], new: np.ndarray, old: np.ndarray, lens: Lens
-) -> np.ndarray:
+def _find_sources(shape: tuple[int, int], bent: Bent) -> np.ndarray:
     """Where each pixel's centre of a new image [height, width] lies in the old one."""
     rows, columns = np.indices(shape)
-    centres = np.stack([columns, rows], axis=-1) + 0.5
-    return _to_pixels(lens.distort(_normalise(centres, new)), old).astype(np.float32)
+    return bent.find_sources(np.stack([columns, rows], axis=-1) + 0.5).astype(np.float32)
 
 
 def _find_frame(sources: np.ndarray, frame: np.ndarray) -> list[int]:
@@ -185,7 +218,7 @@ def _find_frame(sources: np.ndarray, frame: np.ndarray) -> list[int]:
     return [left, top, right, bottom]
 
 
-def _sample(image: np.ndarray, sources: np.ndarray, mode: str) -> np.ndarray:
+def sample(image: np.ndarray, sources: np.ndarray, mode: str) -> np.ndarray:
     """An image [height, width, channels] at pixels [height, width, 2]; zero beyond it."""
     size = torch.tensor(image.shape[1::-1])
     grid = torch.as_tensor(sources) / size * 2 - 1  # -1 and 1 are the borders, not the centres

@@ -85,6 +85,7 @@ def build_scene(
         "measured": [*findings, *filter(None, [turned.doubt])],
         "lost": dict(lost or {}),
         **_note_views(best, views),
+        **_note_lenses(best.undistorted),
         "attempts": [
             {"source": a.source, "came_to": refused_or(a, p), "warnings": list(a.warnings)}
             for a, p in settled
@@ -168,6 +169,12 @@ def _note_views(best: Normalised, views: Sequence[View]) -> dict[str, Any]:
         "frame": _around(frames.values()),
         "frames": frames,
     }
+
+
+def _note_lenses(undistorted: Undistorted) -> dict[str, Any]:
+    """What it says of lenses, by which photographs are undistorted at their own size."""
+    bent = {view: one.describe() for view, one in undistorted.bent.items()}
+    return {"lenses": bent} if bent else {}
 
 
 def _explain(attempts: Sequence[Attempt], findings: Sequence[str]) -> str:

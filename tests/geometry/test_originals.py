@@ -1,0 +1,90 @@
+"""Photographs at their own size: a spot drawn in one lies where the camera projects its point."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from PIL import Image
+from scenes import turntable
+
+from silmesh.geometry.lens import Lens
+from silmesh.geometry.originals import Originals
+from silmesh.geometry.undistortion import undistort
+from silmesh.views import place_view
+
+SIZE, WIDTH, HEIGHT = 64, 300, 200
+POINTS = torch.tensor([[0.3, 0.1, 0.1], [-0.2, 0.25, -0.1], [0.05, -0.2, 0.3]], dtype=torch.float64)
+LENS = Lens("OPENCV", (-0.8, 0.3, 0.01, -0.02))
+FAINT = Lens("SIMPLE_RADIAL", (0.12,))  # too weak to matter in the working image
+
+
+def draw(path, spots, width=WIDTH, height=HEIGHT):
+    """A photograph with one bright spot for each pixel position, in a channel of its own."""
+    y, x = np.mgrid[:height, :width] + 0.5
+    planes = [np.exp(-((x - u) ** 2 + (y - v) ** 2) / (2 * 4.0**2)) for u, v in spots]
+    Image.fromarray((255 * np.stack(planes, -1)).round().astype(np.uint8)).save(path)
+
+
+def find_spots(image):
+    """Where the spots' middles lie: [3, 2]."""
+    y, x = np.mgrid[: image.shape[0], : image.shape[1]] + 0.5
+    weights = np.where(image > 25, image, 0).astype(float)
+    planes = np.moveaxis(weights, -1, 0)
+    return np.array([[(w * x).sum() / w.sum(), (w * y).sum() / w.sum()] for w in planes])
+
+
+def photograph(path, resize, lens=None):
+    """One camera of a turntable, its view, and its photograph with the points as spots."""
+    view = place_view("a", str(path), WIDTH, HEIGHT, SIZE, resize)
+    camera = turntable(1, SIZE, elevation=20).named(["a"])
+    pixels = camera.project(POINTS)[0].numpy()
+    if lens:
+        K = camera.K[0].numpy()
+        straight = (pixels - K[:2, 2]) / K[[0, 1], [0, 1]]
+        pixels = lens.distort(straight) * K[[0, 1], [0, 1]] + K[:2, 2]
+    back = np.linalg.inv(view.pixel_map)
+    draw(path, pixels * back[[0, 1], [0, 1]] + back[:2, 2])
+    return view, replace(camera, lenses=(lens,))
+
+
+@pytest.mark.parametrize("resize", ["pad", "stretch"])
+@pytest.mark.parametrize("longest", [None, 1000, 150])
+def test_cameras_project_to_the_photographs_own_pixels(tmp_path, resize, longest):
+    view, camera = photograph(tmp_path / "a.png", resize)
+    originals = Originals(camera, [view], longest=longest)
+    image = originals.read(0)
+    assert image.shape == ((100, 150, 3) if longest == 150 else (HEIGHT, WIDTH, 3))
+    assert originals.cameras.sizes.tolist() == [[image.shape[1], image.shape[0]]]
+    expected = originals.cameras.project(POINTS)[0].numpy()
+    assert np.abs(find_spots(image) - expected).max() < 0.08
+
+
+@pytest.mark.parametrize("lens", [LENS, FAINT])
+def test_lenses_are_taken_away_at_the_photographs_own_size(tmp_path, lens):
+    view, camera = photograph(tmp_path / "a.png", "pad", lens)
+    square = np.zeros((1, SIZE, SIZE), bool)
+    square[:, 24:40, 24:40] = True
+    straight = undistort(camera, square, [view.frame])
+    assert bool(straight.sources) == (lens is LENS)
+    lenses = {"a": straight.bent["a"].describe()}
+    originals = Originals(straight.cameras, [view], lenses)
+    expected = originals.cameras.project(POINTS)[0].numpy()
+    assert np.abs(find_spots(originals.read(0)) - expected).max() < 0.08
+    ignored = Originals(straight.cameras, [view]).read(0)
+    assert np.abs(find_spots(ignored) - expected).max() > 0.12
+
+
+def test_working_images_are_enlarged_to_the_photographs_pixels(tmp_path):
+    view, camera = photograph(tmp_path / "a.png", "pad")
+    silhouette = np.zeros((SIZE, SIZE), bool)
+    silhouette[20:40, 16:48] = True
+    left, top, right, bottom = view.frame
+    found = Originals(camera, [view]).enlarge(0, silhouette)
+    scale = WIDTH / (right - left)
+    columns, rows = np.flatnonzero(found.any(axis=0)), np.flatnonzero(found.any(axis=1))
+    assert found.shape == (HEIGHT, WIDTH)
+    assert [columns[0], columns[-1] + 1] == pytest.approx([16 * scale, 48 * scale], abs=1)
+    scale = HEIGHT / (bottom - top)
+    around = [(20 - top) * scale, (40 - top) * scale]
+    assert [rows[0], rows[-1] + 1] == pytest.approx(around, abs=1)
