@@ -56,7 +56,7 @@ from silmesh.scene.judged import judge_scene
 from silmesh.scene.scene import Scene
 from silmesh.settings.cameras import Calibrate, Colmap
 from silmesh.settings.check import check
-from silmesh.settings.detail import FAST, NORMAL, choose_detail
+from silmesh.settings.detail import NORMAL, choose_detail
 from silmesh.settings.fit import Fit, SoftRasFit
 from silmesh.settings.init import Init
 from silmesh.settings.quality import Quality
@@ -204,10 +204,9 @@ def reconstruct(
     beside = [path for path in (masks, cameras) if isinstance(path, str | Path)]
     files, notes, video = _find_files(photographs, beside, bool(sets))
     longest = find_longest(files) if detail != NORMAL else 0
-    chosen = choose_detail(detail, longest, len(files), size)
-    finer = chosen.settings.get("fit", {}) if preset == FAST else {}
-    named = {"views": chosen.settings["views"], "init": {"shape": init}}
-    named |= {"fit": {"preset": preset, **finer}, "quality": {"policy": quality}}
+    chosen = choose_detail(detail, longest, len(files), size, preset=preset).settings
+    named = {"views": chosen["views"], "init": {"shape": init}, "quality": {"policy": quality}}
+    named["fit"] = {"preset": preset, **chosen.get("fit", {})}
     sections = _check_sections(settings or {}, named)
     known = _read_truth(truth)  # before the work
     origin = _SilhouetteSource(files, masks, silhouettes)

@@ -70,3 +70,11 @@ def test_an_unknown_level_is_refused():
 
 def test_only_high_depends_on_the_photographs():
     assert [name for name, level in DETAILS.items() if level["views"]["size"] == OWN] == ["high"]
+
+
+def test_a_preset_that_looks_at_whole_images_does_not_take_the_photographs_own_size():
+    with pytest.raises(InputError, match=r"^detail 'high': the preset 'softras' looks at whole"):
+        choose_detail("high", 1000, 36, preset="softras")
+    sized = choose_detail("high", 1000, 36, size=300, preset="softras").settings
+    assert sized == {"views": {"size": 300}}
+    assert choose_detail("draft", 1000, 36, preset="softras").settings == DETAILS["draft"]

@@ -41,7 +41,7 @@ from silmesh.naming import name_views
 from silmesh.own_code import own_file
 from silmesh.planning.datasets import usable
 from silmesh.scene.diagnosis import MEASURED, describe_masks
-from silmesh.settings.detail import FAST, NORMAL, choose_detail
+from silmesh.settings.detail import NORMAL, choose_detail
 from silmesh.silhouettes.mask import refuse_labels
 from silmesh.silhouettes.weights import CACHE
 
@@ -97,7 +97,7 @@ def make_mesh(
     if silhouettes == MASK:
         refuse_labels(found)
     options["sets"] = _name_sets(options["sets"], files)
-    options["chosen"] = _choose_detail(files, options["detail"], options["size"], cores)
+    options["chosen"] = _choose_detail(files, options, cores)
     if options["sets"]:
         _say(*filter(None, [describe_unused(tries[0])]))
     work = Workspace(folder, name, tuple(files), tuple(found))
@@ -267,11 +267,12 @@ def _choose(
 
 
 def _choose_detail(
-    files: Sequence[Path], detail: str | None, size: int | None, cores: int
+    files: Sequence[Path], options: Mapping[str, Any], cores: int
 ) -> Mapping[str, Mapping[str, Any]]:
     """The settings of a level of detail; if it is asked for, what they will cost is said."""
+    detail, size, preset = (options[name] for name in ("detail", "size", "preset"))
     longest = find_longest(files) if detail else 0
-    chosen = choose_detail(detail or NORMAL, longest, len(files), size, cores)
+    chosen = choose_detail(detail or NORMAL, longest, len(files), size, cores, preset)
     if detail:
         _say(*chosen.said)
     return chosen.settings
@@ -365,11 +366,11 @@ def _configure(
         "sets": options["sets"],
     }
     chosen = options["chosen"]
-    finer = chosen.get("fit", {}) if preset == FAST else {}
+    fit = {"preset": preset, **chosen.get("fit", {})}
     values = {
         "views": chosen["views"],
         "quality": {"policy": options["quality"]},
-        "variants": {variant: {"init": {"shape": init}, "fit": {"preset": preset, **finer}}},
+        "variants": {variant: {"init": {"shape": init}, "fit": fit}},
     }
     return variant, row, values
 

@@ -10,6 +10,7 @@ it was widened.
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import torch
@@ -57,11 +58,19 @@ class BandLevel:
         sizes = torch.tensor([self.size[::-1]]).expand(len(cameras), 2)
         return cameras.in_pixels_of(shrink.double().expand(len(cameras), 3, 3), sizes)
 
-    def known_of(self, view: int) -> np.ndarray:
-        """The pixels that count of a view: [height, width] bool of the working images."""
-        if self.known is None:
-            return np.ones(self.silhouettes.shape[1:], bool)
-        return self.known[view]
+    @cached_property
+    def cells(self) -> np.ndarray:
+        """How many pixels are shown and how many are known in each cell of CELL x CELL pixels.
+
+        [views, 2, rows, columns] float32 of the level's pixels, with whole tiles.
+        """
+        every = _sum_cells(np.ones(self.silhouettes.shape[1:], bool), self)
+        cells = np.empty((len(self.silhouettes), 2, *every.shape), np.float32)
+        for view, (into, seen) in enumerate(zip(cells, self.silhouettes, strict=True)):
+            known = None if self.known is None else self.known[view]
+            into[0] = _sum_cells(seen if known is None else seen & known, self)
+            into[1] = every if known is None else _sum_cells(known, self)
+        return cells
 
 
 class Band:
@@ -79,14 +88,11 @@ class Band:
         edges, of_face = number_edges(ours)
         sides = _find_sides(of_face, len(edges))
         pixels, wanted = points.cpu().numpy(), []
-        sums = np.empty((len(points), 2, *count_tiles(level.size)))
-        for view in range(len(points)):
-            seen, known = level.silhouettes[view], level.known_of(view)
-            cells = np.stack([_sum_cells(part, level) for part in (seen & known, known)])
+        for view, cells in enumerate(level.cells):
             found = _find_outline_cells(cells)
             _mark_contour(found, pixels[view], ours, edges, sides)
             wanted.append(_pool(found))
-            sums[view] = _sum_tiles(cells)
+        sums = np.stack([_sum_tiles(cells) for cells in level.cells])
         self.tiles = find_tiles(np.stack(wanted), level.size)
         self._shown, self._counted = _cut_out(level, self.tiles)
         self._total = torch.tensor(sums[:, 0].sum(axis=(1, 2)), dtype=torch.float32)

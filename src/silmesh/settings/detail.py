@@ -45,7 +45,12 @@ class Chosen:
 
 
 def choose_detail(
-    detail: str, longest: int, views: int, size: int | None = None, cores: int = CORES
+    detail: str,
+    longest: int,
+    views: int,
+    size: int | None = None,
+    cores: int = CORES,
+    preset: str = FAST,
 ) -> Chosen:
     """What a level of detail sets for so many photographs.
 
@@ -55,13 +60,21 @@ def choose_detail(
         views: how many there are
         size: of the working images, where a person gives it
         cores: that may be used
+        preset: of the fit
 
     Raises:
-        InputError: there is no such level
+        InputError: there is no such level, or the preset cannot do it
     """
     if detail not in DETAILS:
         raise InputError(f"detail {detail!r}: should be one of {', '.join(DETAILS)}")
     settings = {name: dict(section) for name, section in DETAILS[detail].items()}
+    if preset != FAST:
+        settings.pop("fit", None)
+        if settings["views"]["size"] == OWN and size is None:
+            raise InputError(
+                f"detail {detail!r}: the preset {preset!r} looks at whole images, which takes too "
+                f"much of large ones; should be the preset {FAST!r}, or a size be given"
+            )
     wanted, lowered = size or settings["views"]["size"], ()
     if wanted == OWN:
         own = min(max(longest, LEAST), MOST)
