@@ -14,6 +14,7 @@ from functools import cached_property
 
 import numpy as np
 import torch
+from numba import njit
 from scipy import ndimage
 from torch import Tensor
 
@@ -143,15 +144,22 @@ class _TileSums(torch.autograd.Function):
 
 
 def _sum_cells(image: np.ndarray, level: BandLevel) -> np.ndarray:
-    """How many pixels of the level are set in each cell, [4 rows, 4 columns] of the tiles."""
-    per_tile = TILE // CELL
-    rows, columns = (per_tile * n for n in count_tiles(level.size))
-    side = CELL * level.factor
-    starts = [np.arange(0, n, side) for n in image.shape]
-    down = np.add.reduceat(image, starts[0], axis=0, dtype=np.int32)
-    sums = np.add.reduceat(down, starts[1], axis=1)
-    sums = np.pad(sums, [(0, rows - sums.shape[0]), (0, columns - sums.shape[1])])
+    """How many pixels of the level are set in each cell, [rows, columns] of whole tiles."""
+    sums = np.zeros([TILE // CELL * n for n in count_tiles(level.size)], np.int32)
+    _count_cells(image, CELL * level.factor, sums)
     return sums / level.factor**2
+
+
+@njit(nogil=True, cache=True)
+def _count_cells(image, side, sums):
+    """Add to each cell of ``side`` pixels how many pixels of an image [height, width] are set."""
+    height, width = image.shape
+    for y in range(height):
+        for left in range(0, width, side):
+            count = 0
+            for x in range(left, min(left + side, width)):
+                count += image[y, x]
+            sums[y // side, left // side] += count
 
 
 def _find_outline_cells(cells: np.ndarray) -> np.ndarray:
@@ -217,19 +225,38 @@ def _cut_out(level: BandLevel, tiles: Tiles) -> tuple[Tensor, Tensor]:
 
     Shares of whole pixels, which this type holds exactly.
     """
-    shown, counted = (np.zeros((tiles.count, TILE, TILE), np.float16) for _ in range(2))
-    side = TILE * level.factor
-    for view, row, column in np.argwhere(tiles.number >= 0):
-        part = np.s_[row * side : (row + 1) * side, column * side : (column + 1) * side]
-        known = np.ones((side, side), bool) if level.known is None else level.known[view][part]
-        seen = level.silhouettes[view][part]
-        known = known[: seen.shape[0], : seen.shape[1]]
-        tile = tiles.number[view, row, column]
-        for into, image in ((shown, seen & known), (counted, known)):
-            whole = np.pad(image, [(0, side - n) for n in image.shape])
-            blocks = whole.reshape(TILE, level.factor, TILE, level.factor)
-            into[tile] = blocks.sum(axis=(1, 3)) / level.factor**2
-    return torch.from_numpy(shown), torch.from_numpy(counted)
+    shown, counted = (np.zeros((tiles.count, TILE, TILE), np.float32) for _ in range(2))
+    for view, number in enumerate(tiles.number):
+        seen = level.silhouettes[view]
+        known = np.ones_like(seen) if level.known is None else level.known[view]
+        _average(seen, known, number, level.factor, shown, counted)
+    return torch.from_numpy(shown).half(), torch.from_numpy(counted).half()
+
+
+@njit(nogil=True, cache=True)
+def _average(seen, known, number, factor, shown, counted):
+    """Fill the wanted tiles of a view with the shares of each pixel's that are shown and known.
+
+    Args:
+        seen, known: [height, width] bool of the working image, ``factor`` pixels to each of these
+        number: [rows, columns] of the tiles
+        shown, counted: [tiles, TILE, TILE], added to
+    """
+    height, width = seen.shape
+    side, share = TILE * factor, np.float32(1 / factor**2)
+    for row in range(number.shape[0]):
+        for column in range(number.shape[1]):
+            tile = number[row, column]
+            if tile < 0:
+                continue
+            for y in range(row * side, min((row + 1) * side, height)):
+                i = y // factor - row * TILE
+                for x in range(column * side, min((column + 1) * side, width)):
+                    if known[y, x]:
+                        j = x // factor - column * TILE
+                        counted[tile, i, j] += share
+                        if seen[y, x]:
+                            shown[tile, i, j] += share
 
 
 def choose_factors(size: int, base: int) -> list[int]:
