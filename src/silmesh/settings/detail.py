@@ -22,8 +22,8 @@ BOUND = 8.0  # GiB that a level with the photographs' own size may need
 GRAIN = 64  # pixels: a size that is lowered for it is a multiple
 # The estimate, fitted to the table in docs/detail.md: GiB and processor seconds at least, a
 # million pixels of all views, and a thousand vertices and a view.
-MEMORY = (0.7, 0.0054, 0.0)
-SECONDS = (15.0, 0.3, 0.05)
+MEMORY = (0.95, 0.0065, 0.0)
+SECONDS = (8.0, 0.25, 0.042)
 CORES = 2  # of which a run makes use on average, at most
 
 
