@@ -7,8 +7,8 @@ often. If a round lowers the loss by little, the steps are halved. After a given
 halvings the fit goes on to the next level, or ends.
 
 Levels of images of more than 256 pixels look at a band about the outlines alone
-(``silmesh.fitting.band``), and each of them gives the mesh so many more triangles that these stay
-as large in pixels as they were, up to a limit.
+(``silmesh.fitting.band``), and each of them gives the mesh so many more triangles that these are
+as large in pixels of the next finer one as they were, up to a limit.
 """
 
 import math
@@ -51,7 +51,7 @@ REMESH_PASSES = 3  # passes of the remeshing
 # Pixels of the working images that ``untangle`` leaves between two sides of a sheet that crossed.
 APART = 0.1
 AHEAD = 2  # a mesh is as fine as images suit that are so many times larger than its level's
-REFINE_PASSES = 4  # passes of the remeshing that makes a mesh finer for the next level
+REFINE_PASSES = 2  # passes of the remeshing that makes a mesh finer for the next level
 
 
 @dataclass

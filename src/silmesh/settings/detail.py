@@ -20,7 +20,7 @@ DETAILS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {  # sections of the co
 LEAST, MOST = 256, 4096  # pixels: what the photographs' own size is held to
 BOUND = 8.0  # GiB that a level with the photographs' own size may need
 GRAIN = 64  # pixels: a size that is lowered for it is a multiple
-# The estimate, fitted to the table in docs/detail.md: GiB and processor seconds at least, a
+# The estimate, fitted to the tables in docs/detail.md (above 1,024 pixels a guess): GiB and processor seconds at least, a
 # million pixels of all views, and a thousand vertices and a view.
 MEMORY = (0.95, 0.0065, 0.0)
 SECONDS = (8.0, 0.25, 0.042)
