@@ -20,9 +20,9 @@ DETAILS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {  # sections of the co
 LEAST, MOST = 256, 4096  # pixels: what the photographs' own size is held to
 BOUND = 8.0  # GiB that a level with the photographs' own size may need
 GRAIN = 64  # pixels: a size that is lowered for it is a multiple
-# The estimate, fitted to the tables in docs/detail.md (above 1,024 pixels a guess): GiB and processor seconds at least, a
-# million pixels of all views, and a thousand vertices and a view.
-MEMORY = (0.95, 0.0065, 0.0)
+# The estimate, fitted to the tables in docs/detail.md (above 1,024 pixels a guess): GiB and processor
+# seconds at least, and a million pixels of all views; seconds also a thousand vertices and a view.
+MEMORY = (0.95, 0.0065)
 SECONDS = (8.0, 0.25, 0.042)
 CORES = 2  # of which a run makes use on average, at most
 
@@ -99,7 +99,8 @@ def estimate(size: int, views: int, vertices: int = 0) -> tuple[float, float]:
     """GiB and processor seconds that a run takes, for masks and cameras that are given."""
     pixels = views * size**2 / 1e6
     grown = min(vertices, 1500 * (size / LEAST) ** 2) * views / 1e3
-    memory, seconds = (base + a * pixels + b * grown for base, a, b in (MEMORY, SECONDS))
+    memory = MEMORY[0] + MEMORY[1] * pixels
+    seconds = SECONDS[0] + SECONDS[1] * pixels + SECONDS[2] * grown
     return memory, seconds
 
 
