@@ -59,7 +59,7 @@ from silmesh.intake.arguments import (
     refuse_cameras,
     refuse_empty_mesh,
 )
-from silmesh.intake.photographs import find_masks, find_photographs, is_video
+from silmesh.intake.photographs import find_longest, find_masks, find_photographs, is_video
 from silmesh.intake.sources import choose_cameras, choose_silhouettes, look
 from silmesh.naming import match_masks
 from silmesh.progress import Share, untold
@@ -68,6 +68,7 @@ from silmesh.scene.judged import judge_scene
 from silmesh.scene.scene import Scene
 from silmesh.settings.cameras import Calibrate, Colmap
 from silmesh.settings.check import check
+from silmesh.settings.detail import NORMAL, choose_detail
 from silmesh.settings.fit import FastFit, Fit, SoftRasFit, is_photometric, name_fit
 from silmesh.settings.init import Init
 from silmesh.settings.quality import Quality
@@ -80,7 +81,7 @@ from silmesh.silhouettes import Found
 from silmesh.silhouettes import find_silhouettes as find_each
 from silmesh.silhouettes.mask import refuse_labels
 from silmesh.texture.vertex_colours import colour_vertices
-from silmesh.views import View, in_order, make_views, stack_pictures
+from silmesh.views import Pictures, View, in_order, make_views
 
 Paths = str | Path | Sequence[str | Path]
 CameraSource = str | Path | Cameras
@@ -196,7 +197,8 @@ def reconstruct(
     silhouettes: str | None = None,
     turntable: str = "",
     sets: str = "",
-    size: int = 256,
+    detail: str = NORMAL,
+    size: int | None = None,
     init: str = HULL,
     preset: str = "fast",
     quality: str = "auto",
@@ -221,7 +223,9 @@ def reconstruct(
         sets: of photographs between which the object was turned over, as globs of view names or as
             folders, ``upright_*;turned_*``; found, where one turntable explains not all, if not
             given; used by ``calibrate`` and ``auto``, and refused with ``turntable``
-        size: side of the working images, in pixels
+        detail: ``draft``: small and quick; ``normal``; ``high``: the photographs' own size, as far
+            as 8 GiB reach
+        size: side of the working images, in pixels; that of ``detail`` if not given
         init: shape of the initial mesh, or a function of your own
         preset: of the fit, ``fast`` or ``softras``, or a function of your own
         quality: what is done with outliers: ``auto``, ``keep``, ``drop`` or ``repair``
@@ -235,14 +239,16 @@ def reconstruct(
     Raises:
         InputError: what is given cannot be used, or no cameras agree with the silhouettes
     """
-    named = {"views": {"size": size}, "init": {"shape": init}}
-    named |= {"fit": name_fit(preset, photometric), "quality": {"policy": quality}}
-    named |= {"texture": {"size": texture}}
+    beside = [path for path in (masks, cameras) if isinstance(path, str | Path)]
+    files, notes, video = _find_files(photographs, beside, bool(sets))
+    longest = find_longest(files) if detail != NORMAL else 0
+    chosen = choose_detail(detail, longest, len(files), size, preset=preset).settings
+    named = {"views": chosen["views"], "init": {"shape": init}, "quality": {"policy": quality}}
+    named["fit"] = {**name_fit(preset, photometric), **chosen.get("fit", {})}
+    named["texture"] = {"size": texture}
     sections = _check_sections(settings or {}, named)
     wanted = _check("texture", sections["texture"])
     known = _read_truth(truth)  # before the work
-    beside = [path for path in (masks, cameras) if isinstance(path, str | Path)]
-    files, notes, video = _find_files(photographs, beside, bool(sets))
     origin = _SilhouetteSource(files, masks, silhouettes)
     policy, fewest = _policy(origin.source, sections["quality"])
     shown = _read(files, notes, video, sections["views"], policy, fewest, _tell(progress, "views"))
@@ -541,7 +547,7 @@ def colour(fitted: Fitted, scene: Scene) -> trimesh.Trimesh:
         mesh.vertices,
         mesh.faces,
         cameras,
-        stack_pictures(scene.images, cameras.views),
+        Pictures(scene.images, cameras.views),
         scene.silhouettes,
     )
     return trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=colours, process=False)

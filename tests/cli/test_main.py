@@ -27,6 +27,7 @@ from silmesh.errors import InputError
 from silmesh.geometry.camera import write_cameras
 from silmesh.naming import natural_key
 from silmesh.planning.provenance import SOURCE
+from silmesh.settings.detail import DETAILS
 from silmesh.settings.fit import FITS
 from silmesh.settings.quality import Policy
 from silmesh.settings.silhouettes import SOURCES
@@ -76,6 +77,19 @@ def test_choices_are_those_of_the_configuration():
     assert set(make["silhouettes"].type.choices) == set(SOURCES)
     assert set(make["preset"].type.choices) == set(FITS)
     assert set(make["quality"].type.choices) == set(get_args(Policy))
+    assert list(make["detail"].type.choices) == list(DETAILS)
+
+
+def test_a_level_of_detail_says_what_it_costs_before_the_work(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    photograph(tmp_path / "photos")
+    assert call("photos", "--detail", "best")[0] == 2
+    assert "'best' is not one of 'draft', 'normal', 'high'" in call("photos", "--detail", "best")[1]
+    options = "--detail", "high", "--size", "5000", "--cameras", "calibrate", "--keep", "work"
+    status, said = call("photos", *options)
+    assert status == 2
+    assert "silmesh: detail: high, working images of 5000 pixels; about" in said
+    assert "views.size: should be a whole number from 16 to 4,096, not 5000" in said
 
 
 def test_a_method_is_one_of_ours_or_ones_own(tmp_path):

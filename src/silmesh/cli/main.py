@@ -180,7 +180,15 @@ def main() -> None:
     help="Of photographs between which the object was turned over: folders or globs of names, as "
     "'upright*;turned*'.",
 )
-@click.option("--size", default=256, show_default=True, help="Pixels of the working images.")
+@click.option(
+    "--detail",
+    type=click.Choice(["draft", "normal", "high"]),
+    help="draft: small and quick; normal: as without this; high: the photographs' own size, as far "
+    "as 8 GiB reach. Time and memory are said beforehand.",
+)
+@click.option(
+    "--size", type=int, help="Pixels of the working images. Default: that of --detail, 256."
+)
 @click.option("--init", default="hull", show_default=True, help="Initial mesh: its shape.")
 @click.option(
     "--preset",

@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from glob import escape
 from pathlib import Path
 from typing import Any
@@ -31,6 +31,7 @@ from silmesh.geometry.thresholds import CONVINCING
 from silmesh.intake.photographs import (
     describe_count,
     find_cameras,
+    find_longest,
     find_masks,
     find_photographs,
     find_unread,
@@ -42,6 +43,7 @@ from silmesh.naming import name_views
 from silmesh.own_code import own_file
 from silmesh.planning.datasets import usable
 from silmesh.scene.diagnosis import MEASURED, describe_masks
+from silmesh.settings.detail import NORMAL, choose_detail
 from silmesh.settings.fit import name_fit
 from silmesh.settings.texture import NONE
 from silmesh.silhouettes.mask import refuse_labels
@@ -82,8 +84,9 @@ def make_mesh(
         keep: the folder to work in; None for one in the cache
         masks: their folder; None where they are not given
         silhouettes, cameras: sources; None where they are to be chosen
-        options: of the configuration: ``turntable``, ``sets``, ``size``, ``init``, ``preset``,
-            ``quality``, ``photometric``, ``texture``
+        options: of the configuration: ``turntable``, ``sets``, ``detail``, ``size``, ``init``,
+            ``preset``, ``quality``, ``photometric``, ``texture``; None where a level of detail or
+            a size is not given
 
     Raises:
         InputError: what is named cannot be used
@@ -101,6 +104,7 @@ def make_mesh(
     if silhouettes == MASK:
         refuse_labels(found)
     options["sets"] = _name_sets(options["sets"], files)
+    options["chosen"] = _choose_detail(files, options, cores)
     if options["sets"]:
         _say(*filter(None, [describe_unused(tries[0])]))
     work = Workspace(folder, name, tuple(files), tuple(found))
@@ -275,6 +279,18 @@ def _choose(
     return silhouettes, tries
 
 
+def _choose_detail(
+    files: Sequence[Path], options: Mapping[str, Any], cores: int
+) -> Mapping[str, Mapping[str, Any]]:
+    """The settings of a level of detail; if it is asked for, what they will cost is said."""
+    detail, size, preset = (options[name] for name in ("detail", "size", "preset"))
+    longest = find_longest(files) if detail else 0
+    chosen = choose_detail(detail or NORMAL, longest, len(files), size, cores, preset)
+    if detail:
+        _say(*chosen.said)
+    return chosen.settings
+
+
 def _try(
     work: Workspace,
     runner: Runner,
@@ -364,10 +380,12 @@ def _configure(
         "turntable": options["turntable"],
         "sets": options["sets"],
     }
+    chosen = options["chosen"]
+    fit = {**name_fit(preset, photometric), **chosen.get("fit", {})}
     values = {
-        "views": {"size": options["size"]},
+        "views": chosen["views"],
         "quality": {"policy": options["quality"]},
-        "variants": {variant: {"init": {"shape": init}, "fit": name_fit(preset, photometric)}},
+        "variants": {variant: {"init": {"shape": init}, "fit": fit}},
         "texture": {"size": options["texture"]},
     }
     return variant, row, values

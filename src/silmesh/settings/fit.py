@@ -101,6 +101,11 @@ class FastFit(_Fit):
     smoothing: NotNegative = Field(
         1.0, description="how far a step spreads over the mesh, in squared edges"
     )
+    vertices: whole(12, 200_000) = Field(
+        200_000,
+        description="most vertices that a mesh gets, where images are larger than 256 pixels and "
+        "their finer levels give it more than it began with",
+    )
     batch: whole(0, 10_000) = Field(12, description="views in a step; 0 for all")
     coarse_to_fine: Truth = Field(True, description="begin with smaller, softer images")
     refine_cameras: Truth = Field(True, description="correct the cameras alongside")

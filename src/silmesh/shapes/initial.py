@@ -12,6 +12,7 @@ from silmesh.geometry.camera import INITIAL_SCALE, OBJECT_RADIUS, Cameras
 from silmesh.geometry.frame import find_whole, is_cut, known_pixels
 from silmesh.geometry.overlap import mean_iou
 from silmesh.geometry.robust_hull import RobustHull
+from silmesh.geometry.small_images import LARGEST, shrink, shrink_frames
 from silmesh.geometry.thresholds import COHERENT
 from silmesh.geometry.visual_hull import Hull
 from silmesh.own_code import call, own_file
@@ -71,7 +72,7 @@ def make_initial_mesh(
     the ellipsoid, with a warning; so it is where a prism comes in pieces of which the largest fits
     worse. A function of a person's own (``own_code``) is called with the silhouettes, the cameras,
     and the number of vertices or None, and gives a closed mesh in the cameras' world, the
-    normalised one.
+    normalised one. Images of more than ``LARGEST`` pixels are shrunk before all that.
 
     Args:
         init: what is asked for
@@ -88,6 +89,9 @@ def make_initial_mesh(
     """
     if frames is not None and init.shape != "sphere":  # the report's is placed in the whole image
         silhouettes, cameras, frames = crop(silhouettes, cameras, frames)
+    if max(silhouettes.shape[1:]) > LARGEST:
+        frames = shrink_frames(silhouettes, LARGEST, frames)
+        silhouettes, cameras = shrink(silhouettes, cameras, LARGEST)
     if not silhouettes.any():
         raise InputError("no silhouette shows the object: all are empty")
     scores, warnings = {}, []
