@@ -34,10 +34,12 @@ from silmesh.planning.datasets import Dataset, read_datasets, resolve_cameras
 from silmesh.planning.feasible import (
     refuse_infeasible,
     refuse_lacking_backgrounds,
+    refuse_lacking_mesh,
     refuse_other_weights,
     refuse_unknown_weights,
 )
 from silmesh.report.published import check_published
+from silmesh.settings.init import mesh_file
 from silmesh.settings.section import NAME, Section
 from silmesh.settings.silhouettes import FOREGROUND_MODELS, Networks, weights_file
 from silmesh.settings.train import NEW, TRAINED
@@ -178,8 +180,9 @@ class Run:
 
     @property
     def initial_own(self) -> list[Path]:
-        """The file of a person's own code that makes the initial mesh, if it does."""
-        return own_files(self.settings.init.shape)
+        """The file of a person's own that the initial mesh is made by or read from, if it is."""
+        shape = self.settings.init.shape
+        return [*own_files(shape), *filter(None, [mesh_file(shape)])]
 
     @property
     def fit_own(self) -> list[Path]:
@@ -438,6 +441,7 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
             raise InputError(f"{where}: variants.{name}.{error}") from error
     for key, method in _methods_of(variant).items():
         refuse_lacking(f"{where}: variants.{name}.{key}", method)
+    refuse_lacking_mesh(f"{where}: variants.{name}.init.shape", mesh_file(variant.init.shape))
     silhouettes = variant.silhouettes or dataset.silhouettes
     _refuse_unfindable(silhouettes, dataset, name, variant, config, where)
     if cameras == "turntable" and not dataset.turntable.complete:
