@@ -15,6 +15,7 @@ from silmesh.shapes.sphere import unit_sphere
 
 SIZE = 96
 CAMERAS = turntable(8, SIZE, elevation=25)
+NONE = Init(align="none")
 
 
 def wedge():
@@ -64,19 +65,19 @@ def test_a_sphere_from_a_file_is_placed_as_the_reports_is(tmp_path, align, verti
 def test_a_mesh_is_moved_and_stretched_to_the_silhouettes(tmp_path):
     truth = wedge().apply_transform(np.diag([0.16, 0.2, 0.12, 1]))
     truth.apply_translation([0.06, -0.05, 0.03] - truth.bounds.mean(axis=0))
-    found = own_mesh(write(tmp_path, wedge()), None, "bbox", shown(truth), CAMERAS)
+    found = own_mesh(write(tmp_path, wedge()), None, Init(align="bbox"), shown(truth), CAMERAS)
     assert np.abs(found.vertices / INITIAL_SCALE - truth.vertices).max() < 0.02
 
 
 def test_a_count_of_vertices_remeshes_it(tmp_path):
     path = write(tmp_path, wedge().apply_scale(0.3))
     silhouettes = shown(wedge().apply_scale(0.15))
-    assert len(own_mesh(path, 300, "none", silhouettes, CAMERAS).vertices) == 300
+    assert len(own_mesh(path, 300, NONE, silhouettes, CAMERAS).vertices) == 300
 
 
 def test_without_alignment_it_stays_as_it_lies(tmp_path):
     mesh = wedge().apply_scale(0.3)
-    found = own_mesh(write(tmp_path, mesh), None, "none", shown(mesh), CAMERAS)
+    found = own_mesh(write(tmp_path, mesh), None, NONE, shown(mesh), CAMERAS)
     np.testing.assert_allclose(found.vertices, mesh.vertices, atol=1e-6)
 
 
@@ -147,4 +148,4 @@ def test_not_a_number_is_refused(tmp_path):
 def test_a_template_beyond_the_parametrisation_is_refused(tmp_path):
     path = write(tmp_path, wedge())
     with pytest.raises(InputError, match=r"reaches 4 from the origin.*below 2"):
-        own_mesh(path, None, "none", shown(wedge().apply_scale(0.1)), CAMERAS)
+        own_mesh(path, None, NONE, shown(wedge().apply_scale(0.1)), CAMERAS)

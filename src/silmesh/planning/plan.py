@@ -31,6 +31,7 @@ from silmesh.errors import InputError, blaming
 from silmesh.own_code import own_file, own_files, refuse_lacking
 from silmesh.planning.config import Config, Variant, parse_config
 from silmesh.planning.datasets import Dataset, read_datasets, resolve_cameras
+from silmesh.planning.experiments import Member, expand
 from silmesh.planning.feasible import (
     refuse_infeasible,
     refuse_lacking_backgrounds,
@@ -70,17 +71,23 @@ class Run:
     """One object with one variant, everything decided that names its stages.
 
     Attributes:
+        member: the variant, and which experiment's replicate it is
         settings: of all stages
         silhouettes, cameras: where they come from
         published: the variant whose published curve it repeats, if there is one
     """
 
     dataset: Dataset
-    variant: str
+    member: Member
     settings: Variant
     silhouettes: str
     cameras: str
     published: str
+
+    @property
+    def variant(self) -> str:
+        """The variant's name."""
+        return self.member.name
 
     def keys(self, stage: str) -> tuple[str, ...]:
         """What a stage, one of ``FOLDERS``, is called; of cameras there may be several attempts."""
@@ -297,14 +304,32 @@ class Plan:
     """
 
     def __init__(self, values: Mapping[str, Any], where: str):
+        values, self.members = expand(values, where)
         self.config = parse_config(values, where)
         _refuse_lacking_curves(self.config, where)
         datasets = read_datasets(self.config.datasets)
-        self.runs = [run for dataset in datasets for run in _runs_of(dataset, self.config, where)]
+        self.runs = [run for dataset in datasets for run in self._runs_of(dataset, where)]
         for run in self.runs:
             refuse_infeasible(run, where)
         self.trained_on = _to_train_on(datasets, self.config, where)
         self._having = _index(self.runs)
+
+    def _runs_of(self, dataset: Dataset, where: str) -> list[Run]:
+        """The runs of an object: each member of the variants that its row names."""
+        written = dict.fromkeys(member.written for member in self.members)
+        for name in dataset.variants:
+            if name not in written:
+                raise InputError(
+                    f"{dataset.where}: variants: {name!r} is not in {where}, "
+                    f"which has {', '.join(written)}"
+                )
+        variants = self.config.variants
+        return [
+            _decide(dataset, member, variants[member.name], self.config, where)
+            for name in dataset.variants or written
+            for member in self.members
+            if member.written == name
+        ]
 
     def run(self, object_: str, variant: str) -> Run:
         """The run of an object with a variant."""
@@ -410,17 +435,6 @@ def _refuse_lacking(key: str, weights: str, model: str, promised: bool) -> None:
     )
 
 
-def _runs_of(dataset: Dataset, config: Config, where: str) -> list[Run]:
-    for name in dataset.variants:
-        if name not in config.variants:
-            raise InputError(
-                f"{dataset.where}: variants: {name!r} is not in {where}, "
-                f"which has {', '.join(config.variants)}"
-            )
-    names = dataset.variants or config.variants
-    return [_decide(dataset, name, config.variants[name], config, where) for name in names]
-
-
 def _methods_of(variant: Variant) -> dict[str, str]:
     """The methods that a variant names, each by its key: all that may be a person's own."""
     return {
@@ -431,8 +445,9 @@ def _methods_of(variant: Variant) -> dict[str, str]:
     }
 
 
-def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where: str) -> Run:
+def _decide(dataset: Dataset, member: Member, variant: Variant, config: Config, where: str) -> Run:
     """An object's run with a variant: the variant's word, else the row's, else the run's."""
+    name = member.name
     cameras = dataset.cameras
     if variant.cameras:
         try:
@@ -458,7 +473,8 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
         "quality": variant.quality.model_copy(update={"policy": policy}),
     }
     settings = variant.model_copy(update=decided)
-    return Run(dataset, name, settings, silhouettes, cameras, variant.published or name)
+    published = variant.published or member.experiment
+    return Run(dataset, member, settings, silhouettes, cameras, published)
 
 
 def _refuse_unfindable(

@@ -47,13 +47,20 @@ class Init(Section):
         "keep", description="whether hull and prism keep their tunnels or have them closed"
     )
 
+    moved: whole(0, 100_000) = Field(
+        0,
+        description="a seed by which a sphere is turned and every vertex moved by less than a "
+        "thousandth of its size; 0 for a template as it is; replicates count it up",
+    )
+
     @property
     def key(self) -> str:
         """Names an initial mesh of given silhouettes and cameras."""
         closed = "-closed" if self.genus == "sphere" and self.shape in TUNNELLED else ""
         own = f"own_{zlib.crc32(self.shape.encode()):08x}"
         shape = own if own_file(self.shape) or mesh_file(self.shape) else self.shape
-        return f"{shape}-{self.vertices}-{self.align}{closed}"
+        moved = f"-moved_{self.moved}" if self.moved else ""
+        return f"{shape}-{self.vertices}-{self.align}{closed}{moved}"
 
 
 def mesh_file(shape: str) -> Path | None:

@@ -21,6 +21,7 @@ from silmesh.shapes.alignment import MOST, align_to_box, choose_count, choose_re
 from silmesh.shapes.carved import CARVED, Carved, EmptyHull, draw
 from silmesh.shapes.choose import VERTICES, Score, Trial, score_meshes, share
 from silmesh.shapes.downsample import crop
+from silmesh.shapes.moved import jitter, turn
 from silmesh.shapes.own_mesh import own_mesh
 from silmesh.shapes.primitives import PRIMITIVES, placed_primitive, plain_primitive
 from silmesh.shapes.sphere import unit_sphere
@@ -106,7 +107,7 @@ def make_initial_mesh(
     if made.shape in CARVED and init.align != "none":
         made, starts, changed = _compare_starts(made, init, silhouettes, cameras, frames)
         warnings += changed
-    mesh = made.mesh
+    mesh = jitter(made.mesh, init.moved)
     shown = render_initial(mesh, cameras, silhouettes.shape[1:])
     described = {
         "asked": init.shape,
@@ -198,7 +199,8 @@ def _make(
     """An initial mesh at unit size."""
     counted = init.vertices == "auto"
     if init.shape == "sphere":
-        mesh = unit_sphere(choose_report_count(silhouettes) if counted else init.vertices)
+        count = choose_report_count(silhouettes) if counted else init.vertices
+        mesh = turn(unit_sphere(count), init.moved)
         if init.align == "bbox":
             mesh.vertices = align_to_box(mesh.vertices, silhouettes[0])
         return _Made(init.shape, mesh)
@@ -208,7 +210,7 @@ def _make(
     notes, robust, hull = {}, None, None
     if path := mesh_file(init.shape):
         given = None if counted else init.vertices
-        return _Made(init.shape, own_mesh(path, given, init.align, silhouettes, cameras, frames))
+        return _Made(init.shape, own_mesh(path, given, init, silhouettes, cameras, frames))
     if init.shape in CARVED:
         carved = CARVED[init.shape](silhouettes, cameras, vertices, init.genus, frames)
         mesh, robust, hull = carved.mesh, carved.robust, carved.hull

@@ -14,8 +14,10 @@ from silmesh.errors import InputError
 from silmesh.geometry.camera import INITIAL_SCALE, Cameras
 from silmesh.geometry.edges import number_edges
 from silmesh.geometry.mesh_files import read_mesh
+from silmesh.settings.init import Init
 from silmesh.shapes.alignment import align_to_box
 from silmesh.shapes.even import even_mesh
+from silmesh.shapes.moved import turn
 from silmesh.shapes.primitives import place
 
 ROUND = 0.02  # by which share the radii of a sphere's vertices may differ
@@ -26,7 +28,7 @@ UNIT = 2.0  # farthest coordinate at unit size: the parametrisation holds less t
 def own_mesh(
     path: Path,
     vertices: int | None,
-    align: str,
+    init: Init,
     silhouettes: np.ndarray,
     cameras: Cameras,
     frames: np.ndarray | None = None,
@@ -35,7 +37,7 @@ def own_mesh(
 
     Args:
         vertices: how many it gets by remeshing; its own if None
-        align: ``none`` or ``bbox``
+        init: whether it is aligned, and by which seed a sphere is turned
         silhouettes: [views, height, width] bool
         cameras: of these views, in the normalised world
         frames: [views, 4] of the photographs within the images; the whole images if not given
@@ -47,10 +49,12 @@ def own_mesh(
     mesh = read_body(path)
     if vertices is not None:
         mesh = even_mesh(mesh, vertices)
-    if align == "none":
+    sphere = _is_sphere(mesh)
+    mesh = turn(mesh, init.moved) if sphere else mesh
+    if init.align == "none":
         _refuse_far(path, mesh)
         return mesh
-    if _is_sphere(mesh):
+    if sphere:
         mesh.vertices = align_to_box(mesh.vertices, silhouettes[0])
         return mesh
     return place(mesh, silhouettes, cameras, frames).apply_scale(INITIAL_SCALE)
