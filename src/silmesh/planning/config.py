@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 from silmesh.errors import InputError
 from silmesh.settings.cameras import Calibrate, CameraSource, Colmap
 from silmesh.settings.check import check
+from silmesh.settings.comparison import ComparisonSettings
 from silmesh.settings.fit import FastFit, Fit
 from silmesh.settings.init import Init
 from silmesh.settings.quality import Quality
@@ -63,6 +64,9 @@ class Config(Shared):
 
     datasets: Table = Field(description="the dataset list, relative to the working directory")
     replicates: Count = Field(1, description="how often each fit is repeated")
+    comparison: ComparisonSettings = Field(
+        ComparisonSettings(), description="of the variants with one of them"
+    )
     train: Train | None = Field(None, description="training of DeepLabv3: `bin/run train`")
     published: Table | None = Field(
         None, description="loss curves to draw beside ours: object,variant,iteration,loss"

@@ -311,6 +311,7 @@ class Plan:
         self.runs = [run for dataset in datasets for run in self._runs_of(dataset, where)]
         for run in self.runs:
             refuse_infeasible(run, where)
+        self.baseline = self._find_baseline(where)
         self.trained_on = _to_train_on(datasets, self.config, where)
         self._having = _index(self.runs)
 
@@ -330,6 +331,21 @@ class Plan:
             for member in self.members
             if member.written == name
         ]
+
+    def _find_baseline(self, where: str) -> str:
+        """The experiment that others are compared with.
+
+        Raises:
+            InputError: it is not run
+        """
+        experiments = list(dict.fromkeys(run.member.experiment for run in self.runs))
+        asked = self.config.comparison.baseline
+        if asked is not None and asked not in experiments:
+            raise InputError(
+                f"{where}: comparison.baseline: {asked!r} is no variant that is run; there are "
+                f"{', '.join(experiments)}"
+            )
+        return asked or experiments[0]
 
     def run(self, object_: str, variant: str) -> Run:
         """The run of an object with a variant."""

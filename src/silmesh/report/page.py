@@ -100,6 +100,7 @@ def write_page(
     galleries: Mapping[tuple[str, str], Mapping[str, Any]],
     settings: Mapping[str, Any],
     truths: Mapping[str, trimesh.Trimesh] = MappingProxyType({}),
+    conclusions: Sequence[str] = (),
 ) -> str:
     """Write the page.
 
@@ -109,6 +110,7 @@ def write_page(
         settings: ``configuration``: the whole of it, defaults filled in; ``objects``: what the
             rows of the objects say, for example where their silhouettes come from
         truths: the true meshes of objects
+        conclusions: what can be concluded of the variants, in sentences
     Returns:
         HTML, the same for the same arguments and versions
     """
@@ -121,7 +123,8 @@ def write_page(
     ).get_template(TEMPLATE)
     metrics = {run: result.metrics for run, result in results.items()}
     shown = [key for key in TRUTH if any(v.get(key) is not None for v in metrics.values())]
-    objects = objects_of(results)
+    objects, shown_variants = objects_of(results), {variant for _, variant in results}
+    order = [name for name in settings["configuration"]["variants"] if name in shown_variants]
     room = STILLS // (len(results) + len({(o, r.scene.name) for (o, _), r in results.items()}))
     return page.render(
         objects=[
@@ -130,6 +133,7 @@ def write_page(
                 {variant: results[object_, variant] for variant in variants},
                 {name: g for (of, name), g in galleries.items() if of == object_},
                 settings,
+                order,
                 truths.get(object_),
                 (len(objects), room),
             )
@@ -139,6 +143,7 @@ def write_page(
         overview=[metric for metric in METRICS if metric.key in (*OVERVIEW, *shown)],
         meanings=[m for m in METRICS if any(m.key in v for v in metrics.values())],
         coherent=COHERENT,
+        conclusions=conclusions,
         configuration=settings["configuration"],
         versions=_versions(),
         styles=[_read(name) for name in STYLES],
@@ -157,11 +162,11 @@ def _describe_object(
     results: Mapping[str, Result],
     galleries: Mapping[str, Mapping[str, Any]],
     settings: Mapping[str, Any],
+    order: Sequence[str],
     truth: trimesh.Trimesh | None,
     shares: tuple[int, int],
 ) -> dict[str, Any]:
     """All that the template shows of an object; ``shares``: objects, and bytes of a still."""
-    order = list(settings["configuration"]["variants"])
     chosen = {variant: run_settings(object_, variant, settings) for variant in results}
     thinned = {
         name: _thin_gallery(
