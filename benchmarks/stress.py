@@ -9,8 +9,8 @@ night. All is drawn from one seed.
 
 Methods: ``hull``, the strict visual hull of the masks that are not empty; ``ellipsoid``, fitted by
 the preset softras for ``--steps`` steps; ``today``, what another checkout does of the photographs,
-masks and cameras as files; ``silmesh``, what this one does; ``repair``, the same with wrong masks
-repaired; ``rival``, reverse3d's visual hull.
+masks and cameras as files; ``silmesh``, what this one does; ``drop`` and ``repair``, the same with
+outliers left out, and with wrong masks repaired; ``rival``, reverse3d's visual hull.
 """
 
 import argparse
@@ -29,7 +29,7 @@ import trimesh
 from calibrate import axis_at
 from scenery import silhouettes
 from stress_cases import DAMAGES, REAL, SCANS, Case, damage_case, make_clean, name_cell, write_case
-from stress_table import JUDGED, tabulate, tabulate_objects
+from stress_table import JUDGED, tabulate, tabulate_objects, tabulate_regained
 
 from silmesh.errors import InputError
 from silmesh.evaluation.ground_truth import compare_to_truth
@@ -48,7 +48,7 @@ from silmesh.shapes.initial import make_initial_mesh
 from silmesh.synthetic.layout import OBJECTS
 
 HERE = Path(__file__).resolve().parent
-METHODS = ("hull", "ellipsoid", "today", "silmesh", "repair", "rival")
+METHODS = ("hull", "ellipsoid", "today", "silmesh", "drop", "repair", "rival")
 STEP = 1e-3  # of the world, by which a derivative is taken
 LONGEST = 600  # seconds of one case in such a process
 
@@ -131,7 +131,8 @@ def start_workers(given: argparse.Namespace) -> dict[str, Worker]:
     sources = {"silmesh": HERE.parent / "src"}
     sources |= {"today": given.today.resolve() / "src"} if given.today else {}
     workers = {name: Worker(script, str(source)) for name, source in sources.items()}
-    workers["repair"] = Worker([*script, "repair"], str(sources["silmesh"]))
+    for policy in ("drop", "repair"):
+        workers[policy] = Worker([*script, policy], str(sources["silmesh"]))
     if given.rival:
         workers["rival"] = Worker([str(given.rival), str(HERE / "stress_rival.py")], None)
     return workers
@@ -326,14 +327,18 @@ def main() -> None:
     args.add_argument("--again", nargs="+", choices=METHODS, default=[], help="measure them anew")
     args.add_argument("--only-kept", action="store_true", help="measure nothing")
     args.add_argument("--by-object", choices=JUDGED, help="show this method, object by object")
+    args.add_argument("--regained", action="store_true", help="show what policies regain")
     given = args.parse_args()
     if given.cameras == "calibrate":
-        given.methods = [m for m in given.methods if m in ("today", "silmesh", "repair")]
+        given.methods = [m for m in given.methods if m in ("today", "silmesh", "drop", "repair")]
         if strange := [name for name in given.objects if name in REAL]:
             args.error(f"--cameras calibrate needs a truth; {', '.join(strange)} have none")
     torch.set_num_threads(1)
     kept = read_kept(given.json) if given.only_kept else measure_all(given)
-    print(tabulate_objects(kept, given.by_object) if given.by_object else tabulate(kept))
+    if given.regained:
+        print(tabulate_regained(kept))
+    else:
+        print(tabulate_objects(kept, given.by_object) if given.by_object else tabulate(kept))
 
 
 if __name__ == "__main__":

@@ -6,9 +6,10 @@ import numpy as np
 
 NEAR = 0.01  # of IoU, by which no cell may lie below the best of ``BESIDE``
 BESIDE = ("hull", "ellipsoid", "today")
+LITTLE = 0.002  # of IoU: where damage costs less, nothing is there to be regained
 COLLAPSE = 0.8  # of IoU with the true silhouettes
-COLUMNS = ("hull", "ellipsoid", "rival", "today", "silmesh", "repair")
-JUDGED = ("today", "silmesh", "repair")  # methods that say how good they are
+COLUMNS = ("hull", "ellipsoid", "rival", "today", "silmesh", "drop", "repair")
+JUDGED = ("today", "silmesh", "drop", "repair")  # methods that say how good they are
 
 Cells = Mapping[str, Mapping]  # an object's, by methods
 
@@ -60,6 +61,37 @@ def _tabulate_objects(about: str, rows: Mapping[str, Mapping[str, Cells]], metho
         if any(word != "–" for word in shown):
             lines += [f"| {cell} | {' | '.join(shown)} |"]
     return "\n".join(lines)
+
+
+def tabulate_regained(kept: Mapping[str, Mapping[str, Mapping[str, Cells]]]) -> str:
+    """Of what damage costs the mesh, which share the other policies regain, object by object."""
+    return "\n\n".join(_tabulate_regained(*one) for one in kept.items())
+
+
+def _tabulate_regained(about: str, rows: Mapping[str, Mapping[str, Cells]]) -> str:
+    clean = {name: cells["silmesh"] for name, cells in rows["clean"].items()}
+    lines = [about, ""]
+    for measure in ("iou", "volume_iou"):
+        lines += [f"| {measure} | {' | '.join(clean)} |", "|---" * (1 + len(clean)) + "|"]
+        for cell, row in rows.items():
+            shown = [_show_regained(row.get(name, {}), clean[name], measure) for name in clean]
+            lines += [f"| {cell} | {' | '.join(shown)} |"]
+        lines += [""]
+    return "\n".join(lines)
+
+
+def _show_regained(cells: Cells, clean: Mapping, measure: str) -> str:
+    """What is left of the clean value, and after each policy, with the share that it regains."""
+    if "silmesh" not in cells or cells["silmesh"].get(measure) is None:
+        return "–"
+    kept, whole = cells["silmesh"][measure], clean[measure]
+    word = f"{kept:.3f} of {whole:.3f}"
+    for policy in ("drop", "repair"):
+        if policy in cells:
+            gain = cells[policy][measure] - kept
+            share = f" ({gain / (whole - kept):.0%})" if whole - kept >= LITTLE else ""
+            word += f", {policy} {cells[policy][measure]:.3f}{share}"
+    return word
 
 
 def _show_cell(cells: Cells, method: str) -> str:

@@ -289,6 +289,14 @@ def test_a_glob_gives_what_it_matches(tmp_path, monkeypatch):
     assert [str(p) for p in find_images(tmp_path.__class__("a?.png"))] == ["a1.png", "a2.png"]
 
 
+def test_a_folder_that_is_there_is_no_part_of_a_glob(tmp_path):
+    for name in ("a[1]/x.png", "a1/y.png", "b2/z.png"):
+        (tmp_path / name).parent.mkdir()
+        (tmp_path / name).touch()
+    assert [p.name for p in find_images(tmp_path / "a[1]/*.png")] == ["x.png"]
+    assert [p.name for p in find_images(tmp_path / "b[2]/*.png")] == ["z.png"]
+
+
 @pytest.mark.parametrize(
     ("pattern", "message"),
     [(".", "has no image"), ("*.png", "matches no file"), ("none", "is not there")],

@@ -126,8 +126,8 @@ def find_images(pattern: Path) -> list[Path]:
 def list_images(pattern: Path) -> list[Path]:
     """The image files of a folder, or those that a glob matches, in the order of letters.
 
-    A path that exists is no glob. Hidden files, such as macOS puts beside others, are left out,
-    unless they are named.
+    A path that exists is no glob, nor is that of a folder in which a glob is looked for. Hidden
+    files, such as macOS puts beside others, are left out, unless they are named.
 
     Raises:
         InputError: the folder is not there, or nothing matches
@@ -181,8 +181,8 @@ def _match_files(pattern: Path) -> tuple[list[Path], str]:
         return [pattern], ""
     if not re.search(r"[*?\[]", str(pattern)):
         return [], "is not there"
-    anchor = Path(pattern.anchor)
-    found = sorted(p for p in anchor.glob(str(pattern.relative_to(anchor))) if p.is_file())
+    folder = next(parent for parent in pattern.parents if parent.is_dir())  # "a[1]" may be one
+    found = sorted(p for p in folder.glob(str(pattern.relative_to(folder))) if p.is_file())
     files = [p for p in found if is_image(p) or p.name == pattern.name]
     return files, f"matches no image, but {found[0].name}" if found else "matches no file"
 

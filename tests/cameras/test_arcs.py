@@ -1,6 +1,7 @@
 """Outlines whose lower arcs are all wrong: the elevation and the axis that they were made with."""
 
 from dataclasses import replace
+from functools import partial
 
 import damage
 import numpy as np
@@ -12,6 +13,7 @@ from silmesh.cameras.arcs import ARCS, CUT, find_without_arcs, leave_out
 from silmesh.cameras.calibrate import Calibration, Estimate, calibrate
 from silmesh.cameras.turntable import orbit_cameras
 from silmesh.errors import InputError
+from silmesh.progress import untold
 
 COUNT, SIZE, ELEVATION = 24, 96, 20.0
 
@@ -47,7 +49,9 @@ def asked(whole, lower, upper):
     seen, calls = np.zeros((10, 64, 64), bool), []
     seen[:, 10:30, 20:40] = True
 
-    def fake(silhouettes, views, frames=None, guess=True):
+    def fake(silhouettes, views, frames=None, guess=True, progress=untold):
+        progress(0.5)
+        progress(1)
         assert guess == (not calls)  # two guesses at once are too many
         calls.append(frames)
         found = {1: whole, 2: lower, 3: upper}[len(calls)]
@@ -55,7 +59,15 @@ def asked(whole, lower, upper):
             raise InputError(f"refused {len(calls)}")
         return found
 
-    return (lambda: find_without_arcs(fake, seen, names(10))), calls
+    return partial(find_without_arcs, fake, seen, names(10)), calls
+
+
+@pytest.mark.parametrize("whole", [result(0.1), result(0.6), None])
+def test_the_progress_never_goes_back(whole):
+    told = []
+    asked(whole, result(0.1), result(0.5))[0](progress=told.append)
+    assert told == sorted(told)
+    assert told[-1] == 1
 
 
 def test_outlines_that_agree_are_believed_whole():

@@ -139,6 +139,14 @@ def test_silhouettes_tell_rounds_of_different_numbers_of_views():
     assert first.clear
 
 
+def test_silhouettes_that_are_wrong_here_and_there_move_no_round():
+    seen = np.concatenate([turn(16, 5, ROUND), turn(16, 45, ROUND)])
+    seen[[19, 23, 24, 29], :, :24] = False  # their left halves
+    first = propose(seen)[0]
+    assert lengths(first) == [16, 16]
+    assert first.clear
+
+
 def test_rounds_that_were_taken_together_are_every_other_view():
     two = np.stack([turn(36, 5), turn(36, 40)], axis=1)
     first = propose(two.reshape(72, *two.shape[2:]))[0]

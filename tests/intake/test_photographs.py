@@ -137,6 +137,16 @@ def test_a_folder_of_two_objects_is_refused_and_one_by_its_files_is_not(tmp_path
     )
 
 
+def test_a_folder_of_one_series_of_many_sizes_is_of_crops(tmp_path):
+    for i in range(10):
+        save(tmp_path / f"a_{i}.png", size=(40 + i // 2, 30))
+    files, (said,) = find_photographs([tmp_path])
+    assert len(files) == 10
+    assert said.startswith("these are taken for one object: 2 of 40x30 (as a_0.png)")
+    save(tmp_path / "b_1.png", size=(40, 30))  # of another series
+    assert "holds photographs that differ" in refusal(tmp_path)
+
+
 def test_a_file_that_is_no_image_is_left_to_the_policy_and_told_of(tmp_path):
     files = save_series(tmp_path, "a")
     assert describe_count(files) == "3 photographs"

@@ -330,6 +330,18 @@ def test_a_turntable_of_another_form(table, cell):
     assert f"should be distance,elevation,step, for example 2.732,0,5, not {cell!r}" in message
 
 
+@pytest.mark.parametrize("cell", ["2,0,\u0665", "2,\u0663\u0660,5", ",5,20;,40,\uff12\uff10"])
+def test_a_turntable_in_digits_of_another_script(table, cell):
+    message = refusal(table, HEADER + line(turntable=cell))
+    digits = "".join(c for c in cell if not c.isascii())
+    assert f"({digits!r} should be digits from 0 to 9)" in message
+
+
+def test_underscores_are_no_part_of_a_number():
+    with pytest.raises(InputError, match="should be distance,elevation,step"):
+        parse_turntable(",1_0,5")
+
+
 @pytest.mark.parametrize(
     "cell",
     ["0,0,5", "-1,0,5", "nan,0,5", "2,91,5", "2,nan,5", "2,0,0", "2,0,nan", "2,0,361"],

@@ -1,6 +1,6 @@
 """The page lists the rounds that a turntable was photographed in."""
 
-from silmesh.report.page import _show_rounds
+from silmesh.report.page import _show_calibration, _show_rounds
 
 
 def test_a_row_for_each_round():
@@ -25,3 +25,15 @@ def test_a_row_for_each_round():
         },
     ]
     assert _show_rounds([]) == []
+
+
+def test_the_elevation_of_one_round_is_not_said_again():
+    elevation = {"value": 5.06, "sd": 0.38, "status": "found"}
+    rounds = [{"views": ["a", "b"], "estimates": {"elevation": elevation}}]
+    estimates = {"elevation": elevation, "roll": {"value": 1.0, "sd": 0.1, "status": "found"}}
+
+    def labels(figures):
+        return [row["label"] for row in _show_calibration(figures)]
+
+    assert labels({"estimates": estimates}) == ["Elevation", "Lean"]
+    assert labels({"estimates": estimates, "rounds": rounds}) == ["Lean", "Round 1"]

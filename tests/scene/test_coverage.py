@@ -1,6 +1,6 @@
 import numpy as np
 
-from silmesh.scene.coverage import undo_shaving
+from silmesh.scene.coverage import keep_outline, undo_shaving
 
 OBJECT, GROUND = (200, 40, 40), (60, 120, 60)
 
@@ -40,3 +40,16 @@ def test_an_empty_region_becomes_what_it_becomes():
     truth, nothing = square(10, 10, 30, 30), np.zeros((40, 40), bool)
     np.testing.assert_array_equal(undo_shaving(nothing, truth, paint(truth)), truth)
     np.testing.assert_array_equal(undo_shaving(truth, nothing, paint(truth)), nothing)
+
+
+def test_an_outline_that_moved_by_a_pixel_stays_and_what_was_lost_comes_back():
+    truth = square(10, 10, 30, 30)
+    bitten = truth & ~square(24, 10, 30, 16)
+    np.testing.assert_array_equal(keep_outline(bitten, square(11, 10, 30, 29)), truth)
+
+
+def test_a_limb_as_thin_as_a_pixel_comes_back_and_goes():
+    truth = square(10, 10, 30, 30) | square(30, 20, 38, 21)
+    body = square(10, 10, 30, 30)
+    np.testing.assert_array_equal(keep_outline(body, truth), truth)
+    np.testing.assert_array_equal(keep_outline(truth, body), body)

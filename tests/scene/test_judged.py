@@ -107,6 +107,23 @@ def test_given_masks_are_repaired_where_that_is_asked(ball, tmp_path):
     assert bitten["removed"] < 0.02
 
 
+@pytest.mark.parametrize("policy", ["keep", "repair"])
+def test_what_wrong_silhouettes_alone_show_at_the_frame_is_not_said_once_repaired(
+    ball, tmp_path, policy
+):
+    cameras, seen = ball
+    found = seen.copy()
+    found[::3, :12, :20] = True  # a blob in a corner
+    for view, mask, wrong in zip(cameras.views, seen, found, strict=True):
+        colours = np.where(mask[..., None], (180, 60, 40), (90, 120, 90)).astype(np.uint8)
+        save(tmp_path / f"photographs/{view}.png", colours)
+        save(tmp_path / f"masks/{view}.png", wrong)
+    shown = silmesh.read_photographs(tmp_path / "photographs", size=SIZE)
+    given = silmesh.find_silhouettes(shown, tmp_path / "masks", policy=policy)
+    measured = " ".join(silmesh.find_cameras(shown, given, cameras).notes["measured"])
+    assert ("the frame cuts the object" in measured) == (policy == "keep")
+
+
 def test_what_is_transparent_is_no_background(ball, tmp_path):
     """A bite in a cut-out photograph is black as what is around it; the other views mend it."""
     cameras, seen = ball

@@ -16,6 +16,7 @@ import numpy as np
 from silmesh.cameras.turntable_fit import SUSPECT
 from silmesh.errors import InputError
 from silmesh.geometry.frame import whole_frames
+from silmesh.progress import Share, untold, within
 
 if TYPE_CHECKING:
     from silmesh.cameras.calibrate import Calibration
@@ -24,6 +25,7 @@ ARCS = {"lower": 0.2, "upper": 0.2}  # shares of each silhouette's height that a
 DISAGREEING = 0.2  # of the views: if more disagree, or outlines miss by much, arcs are left out
 FAR_BETTER = 0.6  # of the residual with the wrong arcs: the most without them
 FINEST = 0.1  # pixels: outlines of pixels leave a larger residual however well they agree
+WHOLE = 0.9  # share of the progress when whole outlines are fitted; the rest seldom comes
 CUT = "the frame cuts the object in"  # how a warning begins that the left-out arcs bring about
 
 
@@ -33,6 +35,7 @@ def find_without_arcs(
     views: Sequence[str],
     frames: np.ndarray | None = None,
     guess: bool = True,
+    progress: Share = untold,
     **known: Any,
 ) -> "Calibration":
     """The turntable by all of the outlines or, where these contradict each other, by most of each.
@@ -43,20 +46,23 @@ def find_without_arcs(
         frames: [views, 4] left, top, right and bottom of the photographs within the images
         guess: whether arcs are left out, and then nothing else is guessed: two guesses at once are
             too many
+        progress: is told which share is done
 
     Raises:
         InputError: neither whole outlines nor those without an arc give a turntable
     """
+    first = partial(calibrate, silhouettes, views, progress=within(progress, 0, WHOLE), **known)
     try:
-        whole, failure = calibrate(silhouettes, views, frames=frames, guess=guess, **known), None
+        whole, failure = first(frames=frames, guess=guess), None
     except InputError as error:
         whole, failure = None, error
     if guess and not _is_final(whole, silhouettes):
         again = partial(calibrate, silhouettes, views, guess=False, **known)
-        if found := _find_better(again, whole, silhouettes, frames):
-            return found
+        rest = within(progress, WHOLE, 1)
+        whole = _find_better(again, whole, silhouettes, frames, rest) or whole
     if whole is None:
         raise failure
+    progress(1)
     return whole
 
 
@@ -65,12 +71,14 @@ def _find_better(
     whole: "Calibration | None",
     silhouettes: np.ndarray,
     frames: np.ndarray | None,
+    progress: Share,
 ) -> "Calibration | None":
     """The turntable without an arc by which the outlines agree far better, if there is one."""
     parts = {}
-    for arc in ARCS:
+    for n, arc in enumerate(ARCS):
+        share = within(progress, n / len(ARCS), (n + 1) / len(ARCS))
         with suppress(InputError):
-            parts[arc] = calibrate(frames=leave_out(arc, silhouettes, frames))
+            parts[arc] = calibrate(frames=leave_out(arc, silhouettes, frames), progress=share)
     for arc, part in parts.items():
         others = [other for name, other in parts.items() if name != arc]
         believed = _is_shown(part) and not _is_doubtful(part, silhouettes)

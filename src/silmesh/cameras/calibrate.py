@@ -27,7 +27,7 @@ from silmesh.cameras.rounds import (
 )
 from silmesh.cameras.silhouette_coherence import Misses, distance_between, trace
 from silmesh.cameras.trying_crops import Crops
-from silmesh.cameras.trying_rounds import Found, fit_any, fit_split
+from silmesh.cameras.trying_rounds import Asked, Found, fit_any, fit_split
 from silmesh.cameras.turntable_fit import (
     FEWEST_AGREEING,
     SUSPECT,
@@ -74,6 +74,11 @@ REFUSED = 4.0  # pixels, as SUSPECT: root mean square residual from which a turn
 # Share of the views with a silhouette that have to agree on a turntable, beside FEWEST_AGREEING.
 SHARE = 0.55
 FULL = "it fills its photograph"
+AIMED = (
+    "nothing shows: the camera is taken to have been aimed at the object, and the elevation is "
+    "that of its line of sight"
+)
+AIMED_AS_GIVEN = "follows from the elevation that was given"
 TURNED = 5.0  # degrees: phases that differ by less are the same
 
 
@@ -210,28 +215,62 @@ def calibrate(
     """
     shown, full = _find_shown(silhouettes, views, frames)
     split = find_given(rounds, silhouettes, signs()) if len(rounds) > 1 else None
-    samples = int(np.clip(POINTS // len(views), FEWEST_SAMPLES, MOST_SAMPLES))
-    named = [views[i] for i in shown]
-    outlines = trace(silhouettes[shown], samples, named, None if frames is None else frames[shown])
     far = rounds[0].distance if split else distance
-    turn = Turntable(outlines, silhouettes.shape[1], aspect, far, shown)
-    given = Given(len(views), step, elevation, above_table)
-    repeated = _find_repeated(silhouettes[shown], named)
+    turn = _trace(silhouettes, views, shown, frames, aspect, far)
     fewest = max(SHARE * (len(shown) + len(full)), FEWEST_AGREEING)
+    crops = Crops(silhouettes, frames, scales)
     if split:
         found = fit_split(turn, split, rounds, silhouettes, above_table, fewest, True, progress)
     else:
-        crops = Crops(silhouettes, frames, scales)
-        found = fit_any(turn, given, silhouettes, signs, crops, fewest, guess, progress)
+        given = Given(len(views), step, elevation, above_table)
+        asked = Asked(turn, given, silhouettes, signs, crops, fewest)
+        found = fit_any(asked, guess, progress)
     progress(1)
+    repeated = _find_repeated(silhouettes[shown], [views[i] for i in shown])
     if found.is_of_all:
-        _refuse_incoherent(found, repeated, signs)
+        _refuse_incoherent(found, [*repeated, *crops.say_cut(turn), *crops.say_sets()], signs)
+    return _judge(found, turn, views, full, repeated, crops)
+
+
+def _trace(
+    silhouettes: np.ndarray,
+    views: Sequence[str],
+    shown: np.ndarray,
+    frames: np.ndarray | None,
+    aspect: float,
+    distance: float | None,
+) -> Turntable:
+    """The outlines of the views that have one, as a turntable's."""
+    samples = int(np.clip(POINTS // len(views), FEWEST_SAMPLES, MOST_SAMPLES))
+    some = None if frames is None else frames[shown]
+    outlines = trace(silhouettes[shown], samples, [views[i] for i in shown], some)
+    return Turntable(outlines, silhouettes.shape[1], aspect, distance, shown)
+
+
+def _judge(
+    found: Found,
+    turn: Turntable,
+    views: Sequence[str],
+    full: np.ndarray,
+    repeated: Sequence[str],
+    crops: Crops,
+) -> Calibration:
+    """What was found, and what a person should know of it.
+
+    Args:
+        turn: the outlines of all views that have one
+        full: positions of those that fill their photographs
+        repeated: a sentence on views that came twice, if any did
+    """
+    named = [views[i] for i in turn.index]
     verdict = None if found.is_of_all else found.verdict
     disagreeing = {views[i]: FULL for i in full} | _name_disagreeing(verdict, named)
     said = [*repeated, *_warn_of_disagreement(disagreeing, views)]
+    if found.crops or crops.told or (disagreeing and crops.are_cut(turn)):
+        said += _tell_cut(found, crops.say_cut(turn))
     if not (found.crops and found.crops.cropped.whole.all()):
         said += _find_cut(turn, named)
-    pixels = {} if verdict is None else dict(zip(shown, verdict.pixels, strict=True))
+    pixels = {} if verdict is None else dict(zip(turn.index, verdict.pixels, strict=True))
     return _report(found, views, pixels, disagreeing, said)
 
 
@@ -377,6 +416,17 @@ def _refuse_incoherent(
     )
 
 
+def _tell_cut(found: Found, cut: Sequence[str]) -> Sequence[str]:
+    """Refuse crops that seem to cut the object and contradict each other; otherwise say so."""
+    if cut and found.crops and not found.is_of_all:
+        agree = found.verdict.agrees
+        raise InputError(
+            f"cameras 'calibrate': the photographs seem to be cropped one by one, but crops "
+            f"explain {agree.sum()} of {len(agree)} views only; {cut[0]}"
+        )
+    return cut
+
+
 def _say_tried(found: Found) -> list[str]:
     """Into which rounds the photographs were divided, if they were."""
     if found.split is None:
@@ -423,7 +473,7 @@ def _report(
     because = found.split.because if found.split else ""
     warnings = [
         *_say_rounds(rounds, because),
-        *_say_crops(crops),
+        *_say_crops(crops, estimates),
         *said,
         *([LATHE] if alike else _warn_of_estimates(estimates)),
         *([] if alike else _warn_of_rivals(estimates, fit.rivals, certain, fit.mirror)),
@@ -536,7 +586,7 @@ def _describe_crops(fit: CropFit, sd: np.ndarray, views: Sequence[str]) -> dict[
     }
 
 
-def _say_crops(crops: dict[str, Crop]) -> list[str]:
+def _say_crops(crops: dict[str, Crop], estimates: dict[str, Estimate]) -> list[str]:
     """A sentence that says that the views were cropped, if they were."""
     if not crops:
         return []
@@ -546,10 +596,11 @@ def _say_crops(crops: dict[str, Crop]) -> list[str]:
     scaled = max(scales) > min(scales)
     said = f", scaled from {min(scales):.2f} to {max(scales):.2f} (+- {sd[2]:.1%})" * scaled
     x, y = np.ptp(shifts, axis=0)
+    given = estimates["elevation"].status == "given"
     return [
         f"the photographs are taken to be cropped one by one: shifted by up to {x:.1f} and {y:.1f} "
         f"pixels of the working images against each other (+- {sd[0]:.1f} and {sd[1]:.1f}){said}; "
-        "photographs that were not cropped tell more, of the elevation above all"
+        f"where their middles were before, {AIMED_AS_GIVEN if given else AIMED}"
     ]
 
 

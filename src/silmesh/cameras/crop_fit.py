@@ -1,52 +1,43 @@
 """The turntable of views that were cropped one by one: search, refinement, and what fits as well.
 
 It is what ``silmesh.cameras.turntable_fit`` does for views that were not, with the crops as further
-unknowns (``silmesh.cameras.crops``): from several elevations, half angles, steps and both
-directions on few views and points, then on all of them, without the views that disagree.
+unknowns (``silmesh.cameras.crops``): on few views and points (``silmesh.cameras.crop_search``),
+then on all of them, with angles of their own if the steps are not even, and without the views that
+disagree.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import permutations
 
 import numpy as np
 from scipy.optimize import OptimizeResult
 
 from silmesh.cameras.consensus import Consensus
-from silmesh.cameras.crops import OWN, Cropped
-from silmesh.cameras.frontier import SCALE, to_maps
+from silmesh.cameras.crop_deviations import find_deviations
+from silmesh.cameras.crop_gauge import move_world
+from silmesh.cameras.crop_search import find_free, search_crops
+from silmesh.cameras.crops import Cropped
 from silmesh.cameras.turntable_fit import (
-    ARCS,
-    CLEAR,
-    COARSE_STEPS,
+    BETTER,
     FEWEST_AGREEING,
+    FOLDS,
+    OFFSET_STEPS,
     REFUSED_AGREEING,
-    STARTS,
     SUSPECT,
     Given,
     TurntableFit,
     root_mean_square,
 )
 from silmesh.cameras.turntable_residuals import (
-    AXIS,
-    COARSE_SAMPLES,
-    COARSE_VIEWS,
-    INDEPENDENT,
-    NAMES,
     NOISE,
-    STEP,
     Turntable,
 )
 from silmesh.progress import Share, untold, within
 
-# Starts that are fitted, by the cost before; those that are refined further; evaluations of that,
-# and of the fit of all views.
-TRIED, REFINED, MORE_STEPS, FINE_STEPS = 8, 2, 30, 15
-PARTS = (0.4, 0.6, 0.8)  # shares of the time after which the search and the refinements end
-# Pixels of images of 256: a mean loss on few views from which crops explain nothing.
-HOPELESS = 8.0
-ROUNDS, AGAIN = 4, 0.9  # of refinement; the share of the cost that another one has to reach
-# Photographs may not have been scaled if the standard deviation of their scales is at most this.
-SAME_SCALE = 0.05
+FINE_STEPS = 15  # of a fit of all views
+SEARCHED, FITTED = 0.5, 0.8  # shares of the time after which these steps end
 # Median change by a crop, in sizes of the image and parts of the scale, from which it is one.
 LEAST_CHANGE = np.array([0.005, 0.005, 0.005])
 TWICE = 3.0  # a view disagrees from so many times the median of all views' residuals
@@ -78,7 +69,7 @@ class CropFit:
         turn, own = self.cropped.at(self.x)
         part = turn.alone(kept)
         part.column, part.row = turn.column, turn.row
-        x = part.widen(own)
+        x = _keep(turn, own, kept)
         fit = TurntableFit(part, OptimizeResult(x=x), self.rivals, self.mirror, part.misses(x))
         verdict = Consensus(own, self.pixels, self.agrees)
         return fit, None if self.agrees.all() else verdict
@@ -99,7 +90,7 @@ class CropFit:
     def changes(self) -> bool:
         """Whether the crops differ by more than the place of the object in the world explains."""
         own, crops = self.cropped.split(self.x)
-        moves = _move_world(self.cropped, own, crops)
+        moves = move_world(self.cropped.turn, own, crops, self.cropped.ratios)
         wanted = crops.reshape(-1, 1)
         left = wanted - moves @ np.linalg.lstsq(moves, wanted, rcond=None)[0]
         left = np.abs(left.reshape(crops.shape)[self.agrees])
@@ -109,30 +100,15 @@ class CropFit:
     def deviations(self, known: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """Standard deviations of the turntable's parameters, and of the crops [views, 3].
 
-        From the derivatives of the residuals at the fit. What moves all crops with the object in
-        the world does not count, since the silhouettes need not tell it.
+        Residuals larger than the noise of outlines are of a minimum that was not quite reached, or
+        of steps that are not even: they err alike all along an outline, so they count twice.
+
+        Args:
+            known: parameters that were given
         """
-        cropped, views = self.cropped, len(self.agrees)
-        part = cropped.select(np.arange(views), 2)
-        turn, own = part.at(self.x)
-        misses = part.misses(self.x)
-        slopes = part.slopes(self.x, misses)
-        slopes[~self.agrees] = 0
-        crops = cropped.own_crops(len(own))
-        shared = [i for i in range(turn.shared) if i not in (*known, AXIS)]
-        free = np.r_[shared, crops].astype(int)
-        data = slopes.reshape(-1, len(self.x))[:, free]
-        noise = max(NOISE, root_mean_square(self.pixels[self.agrees]))
-        weight = INDEPENDENT / turn.outlines.known.shape[1] / noise**2
-        prior = np.r_[turn.prior()[1], cropped.spread()][free]
-        covariance = np.linalg.pinv(weight * data.T @ data + np.diag(prior**-2.0))
-        sd = np.zeros(len(self.x))
-        sd[free] = np.sqrt(np.diag(covariance))
-        moves = _move_world(cropped, own, cropped.split(self.x)[1])[crops - len(own)]
-        still = np.eye(len(crops)) - moves @ np.linalg.pinv(moves)
-        own_part = covariance[len(shared) :, len(shared) :]
-        sd[crops] = np.sqrt(np.diag(still @ own_part @ still.T).clip(0))
-        return sd[: len(own)], sd[len(own) :].reshape(views, -1)
+        rms = root_mean_square(self.pixels[self.agrees])
+        noise = max(NOISE, rms**2 / NOISE)
+        return find_deviations(self.cropped, self.x, self.agrees, noise, known)
 
 
 def fit_crops(
@@ -150,125 +126,21 @@ def fit_crops(
         tight: whether they were cropped to the object's box
     """
     cropped = Cropped.of(turn, ratios, tight)
-    shared = _find_free(given)
-    part, kept = cropped.thin(COARSE_VIEWS, COARSE_SAMPLES)
-    starts = _search(part, given, within(progress, 0, PARTS[0]))
-    if part.cost(starts[0]) > HOPELESS * turn.size / 256:
+    shared = find_free(given)
+    few = search_crops(cropped, given, within(progress, 0, SEARCHED))
+    if few is None:
         return None
-    coarse = [_refine(part, x, shared) for x in starts[:REFINED]]
-    coarse.sort(key=part.cost)
-    progress(PARTS[1])
-    part, coarse = _drop_scales(part, coarse, shared)
-    best, mirror = _resolve_mirror(part, coarse[0], shared, given)
-    cost = part.cost(best)
-    rivals = [
-        part.split(x)[0][: turn.shared]
-        for x in coarse[1:]
-        if part.turn.excess(cost, part.cost(x)) <= CLEAR
-    ]
-    cropped = replace(cropped, scaled=part.scaled)
-    x = cropped.fit(_spread(cropped, part, best, kept), shared, FINE_STEPS)
+    cropped = replace(cropped, scaled=few.part.scaled)
+    x = cropped.fit(few.spread(cropped), shared, FINE_STEPS)
     x = cropped.fit(x, shared, FINE_STEPS, frontier=False)
-    progress(PARTS[2])
-    pixels = _measure(cropped, x)
-    agrees = pixels <= max(SUSPECT * turn.size / 256, TWICE * float(np.median(pixels)))
-    if not agrees.all() and agrees.sum() >= FEWEST_AGREEING:
-        x, pixels, agrees = _fit_agreeing(cropped, x, agrees, shared)
-    return CropFit(cropped, x, rivals, mirror, pixels, agrees)
-
-
-def _move_world(cropped: Cropped, own: np.ndarray, crops: np.ndarray) -> np.ndarray:
-    """How crops change with the object's place and size in the world: [views * 3, 4]."""
-    K, R, t = cropped.turn.camera(own)
-    scale = to_maps(crops, cropped.ratios)[:, 0]
-    moves = np.zeros((len(crops), OWN, 4))
-    moves[:, :SCALE, :3] = scale[:, :, None] * R[:, :2] * np.diag(K)[:2, None] / t[:, 2, None, None]
-    moves[:, SCALE, :3] = -R[:, 2] / t[:, 2, None]
-    moves[:, SCALE, 3] = 1
-    return moves.reshape(-1, 4)
-
-
-def _find_free(given: Given) -> np.ndarray:
-    return np.array([i for i in range(len(NAMES)) if i not in given.known])
-
-
-def _search(part: Cropped, given: Given, progress: Share) -> list[np.ndarray]:
-    """Fits on few views, the best of each direction and arc first."""
-    steps = [abs(given.step)] if given.step is not None else [arc / given.count for arc in ARCS]
-    starts = STARTS if given.step is not None else STARTS[1::2]
-    if given.elevation is not None:
-        starts = [(given.elevation, angle) for _, angle in STARTS[:2]]
-    held = np.setdiff1d(_find_free(given), [STEP])
-    ways = [(e, a, d * s) for e, a in starts for s in steps for d in (1, -1)]
-    tried = []
-    for done, way in enumerate(ways, start=1):
-        x = part.start(*way)
-        tried.append((part.cost(x), x))
-        progress(done / len(ways) / 2)
-    tried.sort(key=lambda pair: pair[0])
-    found = []
-    for done, (_, x) in enumerate(tried[:TRIED], start=1):
-        fitted = part.fit(x, held, COARSE_STEPS)
-        found.append((part.cost(fitted), fitted))
-        progress(0.5 + done / TRIED / 2)
-    return [x for _, x in sorted(found, key=lambda pair: pair[0])]
-
-
-def _refine(part: Cropped, x: np.ndarray, shared: np.ndarray) -> np.ndarray:
-    """Fit, and again from what the frontier points say then, which leaves local minima."""
-    x = part.fit(x, shared, MORE_STEPS)
-    for _ in range(ROUNDS):
-        own, crops = part.split(x)
-        again = part.fit(part.agree(own, crops), shared, COARSE_STEPS)
-        if part.cost(again) > AGAIN * part.cost(x):
-            return min(again, x, key=part.cost)
-        x = again
-    return x
-
-
-def _drop_scales(
-    part: Cropped, fits: Sequence[np.ndarray], shared: np.ndarray
-) -> tuple[Cropped, list[np.ndarray]]:
-    """Without scales, if shifts alone explain the silhouettes as well."""
-    if np.std(part.split(fits[0])[1][:, SCALE]) > SAME_SCALE:
-        return part, list(fits)
-    plain = replace(part, scaled=False)
-    own, crops = part.split(fits[0])
-    crops[:, SCALE] = 0
-    again = _refine(plain, plain.agree(own, crops), shared)
-    if part.turn.excess(part.cost(fits[0]), plain.cost(again)) > CLEAR:
-        return part, list(fits)
-    return plain, [again, *fits[1:]]
-
-
-def _resolve_mirror(
-    part: Cropped, best: np.ndarray, shared: np.ndarray, given: Given
-) -> tuple[np.ndarray, str]:
-    """Decide between a fit and that of the mirrored object, as for views that were not cropped."""
-    if given.elevation is not None:
-        return best, "elevation"
-    own, crops = part.split(best)
-    twin = part.fit(np.r_[part.turn.mirrored(own), crops.ravel()], shared, COARSE_STEPS)
-    cost, other = part.cost(best), part.cost(twin)
-    if part.turn.excess(other, cost) > CLEAR:
-        return twin, "perspective"
-    if part.turn.excess(cost, other) > CLEAR:
-        return best, "perspective"
-    return best, "table" if given.above_table else "open"
-
-
-def _spread(cropped: Cropped, part: Cropped, x: np.ndarray, kept: np.ndarray) -> np.ndarray:
-    """Parameters of all views from those of some: the others' crops from frontier points."""
-    own, crops = part.split(x)
-    views = len(cropped.hulls)
-    whole = cropped.turn.widen(own)
-    near = kept[np.abs(np.arange(views)[:, None] - kept).argmin(axis=1)]
-    start = cropped.start_crops()
-    moved = np.zeros_like(start)
-    moved[kept] = crops - start[kept]
-    start = start + moved[near]
-    start[:, SCALE] -= start[:, SCALE].mean()
-    return cropped.agree(whole, start)
+    progress(FITTED)
+    x, pixels, agrees = _fit_agreeing(cropped, x, shared)
+    if _are_uneven(*_select(cropped, x, np.flatnonzero(agrees))):
+        angles = turn.shared + np.arange(len(agrees))
+        x = cropped.fit(x, np.r_[shared, angles], FINE_STEPS, frontier=False)
+        x, pixels, agrees = _fit_agreeing(cropped, x, shared)
+    progress(1)
+    return CropFit(cropped, x, few.rivals, few.mirror, pixels, agrees)
 
 
 def _measure(cropped: Cropped, x: np.ndarray) -> np.ndarray:
@@ -278,22 +150,61 @@ def _measure(cropped: Cropped, x: np.ndarray) -> np.ndarray:
     return np.sqrt(squares / np.maximum(known.sum(axis=1), 1))
 
 
-def _fit_agreeing(
-    cropped: Cropped, x: np.ndarray, agrees: np.ndarray, shared: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Fit the views that agree alone; the others keep their crops and are judged by all."""
-    kept = np.flatnonzero(agrees)
+def _are_uneven(cropped: Cropped, x: np.ndarray) -> bool:
+    """Whether angles of their own for the views explain held-out parts of the outlines better.
+
+    As for views that were not cropped. It is not asked where the outlines agree to their noise.
+    """
+    views, count = len(cropped.hulls), cropped.turn.outlines.known.shape[1]
+    if root_mean_square(_measure(cropped, x)) <= NOISE:
+        return False
+    angles, fold = (
+        cropped.turn.shared + np.arange(views),
+        np.arange(count) * FOLDS // count % 2 == 0,
+    )
+    gains = []
+    for part, held_out in permutations((cropped.only(fold), cropped.only(~fold))):
+        even, uneven = (
+            part.fit(x, free, OFFSET_STEPS, frontier=False) for free in (np.zeros(0), angles)
+        )
+        gains.append(held_out.view_costs(even) - held_out.view_costs(uneven))
+    gain = np.mean(gains, axis=0)
+    return bool(gain.mean() > BETTER * gain.std(ddof=1) / math.sqrt(views))
+
+
+def _select(cropped: Cropped, x: np.ndarray, views: np.ndarray) -> tuple[Cropped, np.ndarray]:
+    """Some views, and the parameters of these."""
     own, crops = cropped.split(x)
-    views = len(crops)
-    part = cropped.select(kept)
-    start = np.r_[part.turn.widen(own), crops[kept].ravel()]
-    found = part.fit(start, shared, FINE_STEPS, frontier=False)
-    own_found, crops_found = part.split(found)
-    crops = crops.copy()
-    crops[kept] = crops_found
-    whole = np.r_[cropped.turn.widen(own_found), crops.ravel()]
-    pixels = np.maximum(_measure(cropped, whole), 0)
+    return cropped.select(views), np.r_[_keep(cropped.turn, own, views), crops[views].ravel()]
+
+
+def _fit_agreeing(
+    cropped: Cropped, x: np.ndarray, shared: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Fit the views that agree alone; the others keep their crops and are judged by all.
+
+    Returns:
+        the parameters, each view's root mean square residual in pixels, and whether it agrees
+    """
+    pixels = _measure(cropped, x)
+    agrees = pixels <= max(SUSPECT * cropped.turn.size / 256, TWICE * float(np.median(pixels)))
+    if agrees.all() or agrees.sum() < FEWEST_AGREEING:
+        return x, pixels, agrees
+    kept, count = np.flatnonzero(agrees), cropped.turn.shared
+    own, crops = (values.copy() for values in cropped.split(x))
+    part, start = _select(cropped, x, kept)
+    angles = count + np.flatnonzero(start[count : count + len(kept)])
+    found = part.fit(start, np.r_[shared, angles], FINE_STEPS, frontier=False)
+    own_found, crops[kept] = part.split(found)
+    own[:count], own[count + kept] = own_found[:count], own_found[count:]
+    whole = np.r_[own, crops.ravel()]
+    pixels = _measure(cropped, whole)
     pixels[kept] = _measure(part, found)
-    agrees = np.zeros(views, bool)
+    agrees = np.zeros(len(crops), bool)
     agrees[kept] = pixels[kept] <= REFUSED_AGREEING * cropped.turn.size / 256
     return whole, pixels, agrees
+
+
+def _keep(turn: Turntable, own: np.ndarray, views: np.ndarray) -> np.ndarray:
+    """The turntable's parameters with the offsets of some views."""
+    return np.r_[own[: turn.shared], own[turn.shared + views]]

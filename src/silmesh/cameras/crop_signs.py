@@ -30,13 +30,18 @@ def see_crops(
     sides = frames[:, 2:] - frames[:, :2]
     if scales is not None:
         sizes = Counter(map(tuple, np.round(sides / scales, 0).astype(int).tolist()))
-        if len(sizes) > max(SIZES * len(silhouettes), 3):
+        if are_many_sizes(len(sizes), len(silhouettes)):
             return f"they have {len(sizes)} different sizes"
     margins = find_margins(silhouettes, frames)
     apart = np.abs(margins[:, :2] - margins[:, 2:]).max(axis=1)
     if (apart <= CENTRED * sides.max(axis=1) + 1).mean() >= MOST:
         return "the object is in the middle of nearly all of them"
     return ""
+
+
+def are_many_sizes(sizes: int, views: int) -> bool:
+    """Whether photographs of so many sizes were cropped one by one, and not of two cameras."""
+    return sizes > max(SIZES * views, 3)
 
 
 def find_margins(silhouettes: np.ndarray, frames: np.ndarray) -> np.ndarray:
@@ -62,6 +67,21 @@ def are_tight(silhouettes: np.ndarray, frames: np.ndarray | None) -> bool:
     frames = whole_frames(silhouettes) if frames is None else np.asarray(frames)
     touch = find_margins(silhouettes, frames) <= 0
     return bool(((touch[:, 0] & touch[:, 2]) | (touch[:, 1] & touch[:, 3])).mean() >= MOST)
+
+
+def measure_contact(silhouettes: np.ndarray, frames: np.ndarray | None) -> np.ndarray:
+    """Over which share of two opposite sides of its photograph each silhouette lies: [views].
+
+    The lesser of both sides, at whichever pair of sides it is more. A box about a rounded object
+    touches it at points; a crop that cuts it, along lines.
+    """
+    frames = whole_frames(silhouettes) if frames is None else np.asarray(frames)
+    found = []
+    for silhouette, (left, top, right, bottom) in zip(silhouettes, frames, strict=True):
+        inside = silhouette[top:bottom, left:right]
+        sides = [(inside[:, 0], inside[:, -1]), (inside[0], inside[-1])]
+        found.append(max(min(one.mean(), other.mean()) for one, other in sides))
+    return np.array(found)
 
 
 def are_alike(silhouettes: np.ndarray) -> bool:

@@ -14,6 +14,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from silmesh.cameras.crop_gauge import aim
+from silmesh.cameras.crop_squares import CropSquares
 from silmesh.cameras.frontier import NUDGE as CROP_NUDGE
 from silmesh.cameras.frontier import (
     SCALE,
@@ -23,13 +25,10 @@ from silmesh.cameras.frontier import (
     to_maps,
     trace_hulls,
 )
-from silmesh.cameras.gauss_newton import Problem, minimise, remember_last
+from silmesh.cameras.gauss_newton import Problem, minimise
 from silmesh.cameras.silhouette_coherence import Misses, measure_at
 from silmesh.cameras.turntable_residuals import (
-    AXIS,
-    INDEPENDENT,
-    NOISE,
-    NUDGE,
+    ELEVATION,
     Turntable,
 )
 
@@ -84,6 +83,10 @@ class Cropped:
         part = self.turn.select(views, every)
         hulls, ratios, whole = (v[views] for v in (self.hulls, self.ratios, self.whole))
         return replace(self, turn=part, hulls=hulls, ratios=ratios, whole=whole)
+
+    def only(self, samples: np.ndarray) -> "Cropped":
+        """The same with residuals only at some points of outlines, [samples] bool."""
+        return replace(self, turn=self.turn.only(samples))
 
     def thin(self, views: int, samples: int) -> tuple["Cropped", np.ndarray]:
         """The same of fewer views and points, for a search, and the positions of the views."""
@@ -174,23 +177,32 @@ class Cropped:
         """The derivatives of the residuals: [views, samples, parameters]."""
         turn, own = self.at(x)
         shared = turn.slopes(own, misses)
-        crops, outlines, here = self.split(x)[1], turn.outlines, turn.pose(own)
+        crops = np.zeros((*misses.pixels.shape, len(self.hulls), OWN))
+        for i in range(OWN):
+            self._add_slopes(crops, x, misses, i)
         views, samples = misses.pixels.shape
-        slopes = np.zeros((views, samples, views, OWN))
+        return np.concatenate([shared, self.levelled(crops).reshape(views, samples, -1)], axis=2)
+
+    def _add_slopes(self, slopes: np.ndarray, x: np.ndarray, misses: Misses, i: int) -> None:
+        """Add the derivatives by parameter i of the crops: of a ray's view, and of what it misses.
+
+        Args:
+            slopes: [views, samples, views, OWN]
+        """
+        turn, own = self.at(x)
+        crops, outlines, here = self.split(x)[1], turn.outlines, turn.pose(own)
         view, sample = np.nonzero(misses.view >= 0)
-        missed = misses.view[view, sample]
-        for i, nudge in enumerate(CROP_NUDGE):
-            up, down = (
-                turn.cropped(to_maps(crops + d * np.eye(OWN)[i], self.ratios)).pose(own)
-                for d in (nudge, -nudge)
-            )
-            own_side = [measure_at(outlines, misses, pose, here) for pose in (up, down)]
-            far_side = [measure_at(outlines, misses, here, pose) for pose in (up, down)]
-            change = (own_side[0] - own_side[1])[view, sample] / (2 * nudge)
-            slopes[view, sample, view, i] += change
-            change = (far_side[0] - far_side[1])[view, sample] / (2 * nudge)
-            slopes[view, sample, missed, i] += change
-        return np.concatenate([shared, self.levelled(slopes).reshape(views, samples, -1)], axis=2)
+        missed, nudge = misses.view[view, sample], CROP_NUDGE[i]
+        up, down = (
+            turn.cropped(to_maps(crops + d * np.eye(OWN)[i], self.ratios)).pose(own)
+            for d in (nudge, -nudge)
+        )
+        own_side = [measure_at(outlines, misses, pose, here) for pose in (up, down)]
+        far_side = [measure_at(outlines, misses, here, pose) for pose in (up, down)]
+        change = (own_side[0] - own_side[1])[view, sample] / (2 * nudge)
+        slopes[view, sample, view, i] += change
+        change = (far_side[0] - far_side[1])[view, sample] / (2 * nudge)
+        slopes[view, sample, missed, i] += change
 
     def fit(
         self, start: np.ndarray, shared: np.ndarray, steps: int, frontier: bool = True
@@ -198,68 +210,27 @@ class Cropped:
         """Least squares over the crops and the parameters ``shared`` of the turntable.
 
         Args:
-            frontier: whether the frontier points count beside the outlines, as much as all these
-                together: they lead out of local minima, but are less exact
+            frontier: whether the frontier points count too, as ``CropSquares`` has it
         """
-        turn, (own, crops) = self.turn, self.split(start)
-        shared = np.setdiff1d(shared, [AXIS]).astype(int)
-        free = np.r_[shared, self.own_crops(len(own))].astype(int)
-        touching = self.frontier(own)
-        known = turn.outlines.known.ravel()
-
-        def whole(part: np.ndarray) -> np.ndarray:
-            x = start.copy()
-            x[free] = part
-            return x
-
-        misses = remember_last(lambda part: self.misses(whole(part)))
-
-        def residuals(part: np.ndarray) -> np.ndarray:
-            pixels = misses(part).pixels.ravel()
-            return np.r_[pixels, self._touch(touching, whole(part))] if frontier else pixels
-
-        def slopes(part: np.ndarray) -> np.ndarray:
-            x = whole(part)
-            data = self.slopes(x, misses(part)).reshape(-1, len(x))[:, free]
-            if not frontier:
-                return data
-            return np.concatenate([data, self._slope(touching, x, shared)[:, free]])
-
-        mean, sd = turn.prior()
-        mean, sd = np.r_[mean, crops.ravel()], np.r_[sd, self.spread()]
-        worth = NOISE**2 * turn.outlines.known.shape[1] / INDEPENDENT
-        limits = np.full((2, len(start)), np.inf) * [[-1], [1]]
-        limits[:, : len(own)] = turn.limits(own)
-        pairs = 2 * len(touching.first) * frontier
-        weights = np.r_[known, np.full(pairs, known.sum() / max(pairs, 1))]
-        problem = Problem(
-            residuals, slopes, weights, mean[free], worth * sd[free] ** -2.0, *limits[:, free]
-        )
-        own, crops = self.split(whole(minimise(problem, start[free], steps)))
+        own, crops = self.split(CropSquares(self, start, shared, frontier).minimise(steps))
+        if self.level and ELEVATION in shared:
+            own, crops = aim(self.turn, own, crops, self.middles(), self.ratios)
         return np.r_[own, crops.ravel()]
 
-    def _touch(self, frontier: Frontier, x: np.ndarray) -> np.ndarray:
-        own, crops = self.split(x)
-        moved = frontier.of_cameras(self.turn.camera(own), np.zeros(3))
-        return moved.residuals(crops).ravel()
-
-    def _slope(self, frontier: Frontier, x: np.ndarray, shared: np.ndarray) -> np.ndarray:
-        """Derivatives of the frontier points' residuals: [residuals, parameters]."""
-        own, crops = self.split(x)
-        moved = frontier.of_cameras(self.turn.camera(own), np.zeros(3))
-        rows = 2 * len(frontier.first)
-        slopes = np.zeros((rows, len(x)))
-        slopes[:, len(own) :] = self.levelled(moved.slopes(crops)).reshape(rows, -1)
-        for i in shared:
-            step = NUDGE[i] * np.eye(len(x))[i]
-            up, down = (self._touch(frontier, x + side * step) for side in (1, -1))
-            slopes[:, i] = (up - down) / (2 * NUDGE[i])
-        return slopes
+    def middles(self) -> np.ndarray:
+        """Of the outlines' boxes: [views, 2] pixels, NaN where the frame cuts the object."""
+        middles = (self.hulls.min(axis=1) + self.hulls.max(axis=1)) / 2
+        return np.where(self.whole[:, None], middles, np.nan)
 
     def cost(self, x: np.ndarray) -> float:
         """Mean soft L1 loss of the residuals, in square pixels."""
         turn, own = self.at(x)
         return turn.cost(own)
+
+    def view_costs(self, x: np.ndarray) -> np.ndarray:
+        """The cost of each view: [views]."""
+        turn, own = self.at(x)
+        return turn.view_costs(own)
 
 
 def _start_crops(hulls: np.ndarray, ratios: np.ndarray, size: int, scaled: bool) -> np.ndarray:

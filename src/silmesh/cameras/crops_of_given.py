@@ -137,17 +137,27 @@ def find_crops(
     if not (depth > 0).all():
         return None
     tight = are_tight(silhouettes, frames)
+    way = _choose_way(cameras, middle.numpy(), outlines, tight)
+    return _finish(*_fit(cameras, middle.numpy(), outlines, tight, *way), cameras)
+
+
+def _choose_way(
+    cameras: Cameras, middle: np.ndarray, outlines: Outlines, tight: bool
+) -> tuple[bool, float]:
+    """Whether the photographs were scaled, and from which mean scale they fit best: on few views.
+
+    They were not, if they fit about as well so.
+    """
     some = np.unique(np.linspace(0, len(cameras), COARSE_VIEWS, endpoint=False).astype(int))
     some = some if len(cameras) > COARSE_VIEWS else np.arange(len(cameras))
-    thin = cameras.select(some), middle.numpy(), outlines.select(some, SAMPLES // COARSE_SAMPLES)
+    thin = cameras.select(some), middle, outlines.select(some, SAMPLES // COARSE_SAMPLES)
     tried = {
         way: _find_cost(*_fit(*thin, tight, *way))
         for way in [(False, 1.0), *((True, mean) for mean in MEAN_SCALES)]
     }
     best = min(tried, key=tried.__getitem__)
-    if tried[False, 1.0] <= WELL * tried[best] + NOISE**2:
-        best = False, 1.0
-    return _finish(*_fit(cameras, middle.numpy(), outlines, tight, *best), cameras)
+    same = tried[False, 1.0] <= WELL * tried[best] + NOISE**2
+    return (False, 1.0) if same else best
 
 
 def _find_cost(cropped: Cropped, x: np.ndarray) -> float:
@@ -163,13 +173,30 @@ def _fit(
     mean: float,
 ) -> tuple[Cropped, np.ndarray]:
     """Crops from one mean scale."""
+    cropped, crops = _start(cameras, middle, outlines, tight, scaled, mean)
+    x = cropped.agree(np.zeros(0), crops)
+    for _ in range(ROUNDS):
+        x = cropped.fit(x, np.zeros(0), STEPS)
+        x = cropped.agree(np.zeros(0), cropped.split(x)[1])
+    return cropped, cropped.fit(x, np.zeros(0), STEPS, frontier=False)
+
+
+def _start(
+    cameras: Cameras,
+    middle: np.ndarray,
+    outlines: Outlines,
+    tight: bool,
+    scaled: bool,
+    mean: float,
+) -> tuple[Cropped, np.ndarray]:
+    """The residuals, and crops as if the object looked alike from everywhere."""
     K, R = cameras.K.numpy(), cameras.R.numpy()
     t = cameras.t.numpy() + R @ middle
     hulls = trace_hulls(outlines.distances)
     low, high = hulls.min(axis=1), hulls.max(axis=1)
     widest = (high - low).max(axis=1)
     crops = np.zeros((len(R), 3))
-    if scaled:  # as if the object looked alike from everywhere
+    if scaled:
         wide = np.log(widest * t[:, 2] / K[:, 0, 0])
         crops[:, SCALE] = wide - wide.mean() + np.log(mean)
     seen = K[:, :2] @ t[:, :, None] / t[:, 2, None, None]
@@ -179,12 +206,7 @@ def _fit(
     size = int(cameras.sizes[0, 0])
     still = StillCameras(outlines, size, K, R, t, MARGIN * reach, to_maps(crops, ratios))
     known = np.ones(len(R), bool) if tight else ~outlines.cut
-    cropped = Cropped(still, hulls, ratios, known, scaled, level=False)
-    x = cropped.agree(np.zeros(0), crops)
-    for _ in range(ROUNDS):
-        x = cropped.fit(x, np.zeros(0), STEPS)
-        x = cropped.agree(np.zeros(0), cropped.split(x)[1])
-    return cropped, cropped.fit(x, np.zeros(0), STEPS, frontier=False)
+    return Cropped(still, hulls, ratios, known, scaled, level=False), crops
 
 
 def _finish(cropped: Cropped, x: np.ndarray, cameras: Cameras) -> GivenCrops:

@@ -13,6 +13,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from scipy import ndimage
 
 from silmesh.cameras.series import (
     ALIKE,
@@ -38,6 +39,9 @@ EXIF, TAKEN = 0x8769, 36867  # the directory of EXIF in which the time stands
 # Scores from which a series may be divided where it rises, and from which it clearly is (those of
 # one round reach 6); a difference of two views counts MOST_JUMP times at most.
 RISEN, CLEARLY_RISEN, MOST_JUMP = 4.0, 8.0, 8.0
+# A view that differs from the median of so many around it by more than ODD times what most do is
+# taken to be like them where rises are looked for: its silhouette is rather wrong.
+NEARBY, ODD = 5, 6.0
 SAME_HEIGHT = 0.004  # differences of heights, in sizes of the object, that say nothing
 AGREEING = 0.6  # by so much the share of views that agree is larger in a round than outside
 FULL_TURN = 8  # views of a full turn at least, if it is found in a part of the photographs
@@ -312,18 +316,31 @@ def find_rises(series: Series) -> list[tuple[float, list[int]]]:
     Turning changes how wide a silhouette is; raising the camera changes how tall it is, where its
     middle lies and how large it is, at once and in all views that follow. A place is scored by how
     much the means on both sides differ, in deviations within them, times how much the two views
-    there do, in usual differences of neighbours.
+    there do, in usual differences of neighbours. Single views that differ from all around them have
+    no say.
     """
-    whole = _rank_rises(series.upright, 0, len(series))
+    upright = _smooth_odd(series.upright)
+    whole = _rank_rises(upright, 0, len(series))
     places = [(score, place) for score, place in whole if score >= RISEN]
     if not places:
         return []
     score, best = places[0]
-    by_rises = _divide_again(series.upright, [0, best, len(series)])
+    by_rises = _divide_again(upright, [0, best, len(series)])
     by_turns = _find_turns(series, [0, best, len(series)])
     several = [(score, edges) for edges in (by_rises, by_turns) if len(edges) > 1]
     apart = [(less, [place]) for less, place in places if abs(place - best) > LEAST][:PLACES]
     return [*several, (score, [best]), *apart]
+
+
+def _smooth_odd(upright: np.ndarray) -> np.ndarray:
+    """The same with views that differ from all around them in any column as the median of these.
+
+    Where a round begins, most around each view are of its own.
+    """
+    around = ndimage.median_filter(upright, (NEARBY, 1), mode="nearest")
+    off = np.abs(upright - around)
+    odd = (off > ODD * (np.quantile(off, 0.75, axis=0) + SAME_HEIGHT)).any(axis=1)
+    return np.where(odd[:, None], around, upright)
 
 
 def _find_turns(series: Series, edges: Sequence[int]) -> list[int]:

@@ -35,10 +35,12 @@ from silmesh.cameras.turntable_fit import (
 )
 from silmesh.cameras.turntable_residuals import Turntable
 from silmesh.cameras.turntable_rounds import fit_rounds
-from silmesh.progress import Share, untold
+from silmesh.progress import Share, within
 from silmesh.settings.turntable import Turntable as Known
 
 SPLITS = 3  # ways to divide the photographs into rounds that are tried
+# Shares of the time after which one round, crops that are told, and a first kind of guess, end.
+ONE, CROPS, HALF = 0.8, 0.8, 0.5
 CLEARLY = 0.8  # of the views: if a fit explains so many, nothing else is tried
 # Where the photographs tell of crops, they are tried from this share of the residual that makes
 # views suspect, and taken up to this share of one round's residual.
@@ -70,6 +72,27 @@ class Found:
         return len(self.fit.turn.index) if self.fit.rms <= allowed else 0
 
 
+@dataclass(frozen=True)
+class Asked:
+    """Of what a turntable is sought.
+
+    Attributes:
+        turn: the outlines
+        given: what is known of it
+        silhouettes: [views, size, size] bool
+        signs: gives what the photographs say of rounds beside their silhouettes
+        crops: that each view may have been cropped by itself
+        fewest: views that have to agree
+    """
+
+    turn: Turntable
+    given: Given
+    silhouettes: np.ndarray
+    signs: Callable[[], Signs | None]
+    crops: Crops
+    fewest: float
+
+
 def fit_split(
     turn: Turntable,
     split: Split,
@@ -93,27 +116,20 @@ def fit_split(
     return Found(*found, given, split) if found else None
 
 
-def fit_any(
-    turn: Turntable,
-    given: Given,
-    silhouettes: np.ndarray,
-    signs: Callable[[], Signs | None],
-    crops: Crops,
-    fewest: float,
-    guess: bool,
-    progress: Share,
-) -> Found:
+def fit_any(asked: Asked, guess: bool, progress: Share) -> Found:
     """Fit one round and, where it does not explain all views, the crops or rounds they may be.
 
     What is told clearly is tried before views of one round are told to be wrong; the rest where
     one round does not explain most views.
     """
-    rounds = _Rounds(turn, given, silhouettes, signs, crops, fewest)
-    one = Found(*fit_most(turn, given, fewest, progress, rounds.try_clear, guess), given)
-    if guess and (better := rounds.try_clearer(one)):
+    rounds, turn, given = _Rounds(asked), asked.turn, asked.given
+    told = within(progress, 0, ONE if guess else 1)
+    one = Found(*fit_most(turn, given, asked.fewest, told, rounds.try_clear, guess), given)
+    left = within(progress, ONE, 1)
+    if guess and (better := rounds.try_clearer(one, left)):
         return better
     if guess and one.explained < CLEARLY * len(turn.index):
-        rounds.try_others(one)
+        rounds.try_others(one, left)
     best = max(rounds.tried, key=lambda found: found.explained, default=one)
     return best if best.explained > one.explained or best.fit is one.fit else one
 
@@ -121,24 +137,16 @@ def fit_any(
 class _Rounds:
     """Several rounds, crops, or a turn whose first view comes again, in place of one round."""
 
-    def __init__(
-        self,
-        turn: Turntable,
-        given: Given,
-        silhouettes: np.ndarray,
-        signs: Callable[[], Signs | None],
-        crops: Crops,
-        fewest: float,
-    ):
-        self.turn, self.given, self.silhouettes = turn, given, silhouettes
-        self.signs, self.crops, self.fewest = signs, crops, fewest
+    def __init__(self, asked: Asked):
+        self.turn, self.given, self.silhouettes = asked.turn, asked.given, asked.silhouettes
+        self.signs, self.crops, self.fewest = asked.signs, asked.crops, asked.fewest
         self.tried: list[Found] = []
 
     @cached_property
     def _told(self) -> list[Split]:
         return propose(self.silhouettes, self.signs())
 
-    def try_clear(self) -> tuple[TurntableFit, Consensus | None] | None:
+    def try_clear(self, progress: Share) -> tuple[TurntableFit, Consensus | None] | None:
         """A fit that explains most views, if there is one, of what is told clearly."""
         if self.given.step is None and repeats_first(self.silhouettes):
             full = replace(self.given, count=self.given.count - 1)
@@ -146,11 +154,12 @@ class _Rounds:
             self.tried.append(found)
             if self._is_good(found):
                 return found.fit, found.verdict
-        if self.crops.told and (found := self._try_crops()):
+        if self.crops.told and (found := self._try_crops(within(progress, 0, CROPS))):
             return found.fit, found.verdict
-        return self._try([split for split in self._told if split.clear][:SPLITS])
+        clear = [split for split in self._told if split.clear][:SPLITS]
+        return self._try(clear, within(progress, CROPS * self.crops.told, 1))
 
-    def try_clearer(self, one: Found) -> Found | None:
+    def try_clearer(self, one: Found, progress: Share) -> Found | None:
         """The crops, where the photographs tell of them and they fit all views clearly better.
 
         The silhouettes of what is nearly round hardly contradict one round.
@@ -159,30 +168,34 @@ class _Rounds:
         asked = one.verdict is not None or self.tried  # before, as views contradicted others
         if asked or one.fit.rms <= doubtful or not self.crops.told:
             return None
-        found = self._try_crops()
+        found = self._try_crops(progress)
         better = found and found.verdict is None and found.fit.rms <= CLEARER * one.fit.rms
         return found if better else None
 
-    def try_others(self, one: Found) -> None:
+    def try_others(self, one: Found, progress: Share) -> None:
         """Fit rounds and crops that no sign tells, until a fit explains most views.
 
-        Crops only where one round explains too few views: they would contradict nearly all.
+        Crops only where one round explains too few views: they would contradict nearly all. None
+        where the frame cuts the object in most views, of which little is then left to contradict.
 
         Args:
             one: the fit of one round
         """
+        if self.crops.are_cut(self.turn):
+            return
         agrees, verdict = np.zeros(len(self.silhouettes), bool), one.verdict
         agrees[self.turn.index] = verdict is not None and verdict.agrees
         told = [split for split in self._told if not split.clear]
         turns = [split for split in told if are_full_turns(split, self.silhouettes)]
         evenly = divide_evenly(self.silhouettes)
-        good = self._try([*divide_by_agreement(agrees), *turns, *evenly][:SPLITS])
+        splits = [*divide_by_agreement(agrees), *turns, *evenly][:SPLITS]
+        good = self._try(splits, within(progress, 0, HALF))
         if not good and not self.crops.told and one.explained < self.fewest:
-            self._try_crops()
+            self._try_crops(within(progress, HALF, 1))
 
-    def _try_crops(self) -> Found | None:
+    def _try_crops(self, progress: Share) -> Found | None:
         """The crops, if they explain most views; where nothing tells them, all but exactly."""
-        fit = self.crops.fit(self.turn, self.given)
+        fit = self.crops.fit(self.turn, self.given, progress)
         if fit is None:
             return None
         found = Found(*fit.as_turntable(), self.given, crops=fit)
@@ -192,15 +205,16 @@ class _Rounds:
         self.tried.append(found)
         return found
 
-    def _try(self, splits: Sequence[Split]) -> tuple[TurntableFit, Consensus | None] | None:
-        for split in splits:
+    def _try(
+        self, splits: Sequence[Split], progress: Share
+    ) -> tuple[TurntableFit, Consensus | None] | None:
+        for number, split in enumerate(splits):
+            told = within(progress, number / len(splits), (number + 1) / len(splits))
             if not all(is_in_order(self.silhouettes[views]) for views in split.rounds):
                 continue
             same = [Known(None, None, self.given.step) for _ in split.rounds]
             above, fewest = self.given.above_table, self.fewest
-            found = fit_split(
-                self.turn, split, same, self.silhouettes, above, fewest, False, untold
-            )
+            found = fit_split(self.turn, split, same, self.silhouettes, above, fewest, False, told)
             if found and _moves(found.fit):
                 self.tried.append(found)
                 if self._is_good(found):

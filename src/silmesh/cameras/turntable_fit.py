@@ -33,7 +33,8 @@ COARSE_STEPS, FINE_STEPS, OFFSET_STEPS = 12, 20, 6
 # Shares of the run time after which the search, the refinement and the mirror test end, which
 # the progress bar shows.
 SEARCHED, REFINED, RESOLVED = 0.5, 0.75, 0.8
-AGREED = 0.9  # and after which it is found which views agree, if that has to be asked
+# And after which fits of other kinds, and which views agree, are found, if that has to be asked.
+OTHERS, AGREED = 0.88, 0.9
 # A start is refined if its cost is at most RIVAL times the best one, and at most RIVALS starts are.
 RIVAL, RIVALS = 3.0, 4
 FOLDS = 8  # arcs that an outline is cut into for cross-validation; every other one is held out
@@ -115,7 +116,7 @@ def fit_most(
     given: Given,
     fewest: float,
     progress: Share,
-    otherwise: Callable[[], tuple[TurntableFit, Consensus | None] | None] = lambda: None,
+    otherwise: Callable[[Share], tuple[TurntableFit, Consensus | None] | None] = lambda told: None,
     patient: bool = True,
 ) -> tuple[TurntableFit, Consensus | None]:
     """Fit all views or, if these contradict each other, those that agree.
@@ -123,7 +124,7 @@ def fit_most(
     Args:
         fewest: views that have to agree
         otherwise: is asked, where some views contradict others, for a fit of another kind, which
-            is taken if there is one
+            is taken if there is one; tells its own progress
         patient: whether views that agree are looked for even if most contradict the others by far
     Returns:
         the fit, and how far the views agree if that had to be asked
@@ -135,7 +136,14 @@ def fit_most(
     fit = solve(turn, starts, given, progress) if cost <= HOPELESS * suspect else None
     if len(turn.index) < FEWEST_AGREEING or (fit and fit.rms <= suspect):
         return fit or solve(turn, starts, given, progress), None
-    if other := otherwise():
+    asked = reached = RESOLVED if fit else SEARCHED
+
+    def tell(share: float) -> None:
+        nonlocal reached
+        reached = asked + share * (OTHERS - asked)
+        progress(reached)
+
+    if other := otherwise(tell):
         return other
     if not patient and _is_lost(thin, starts[0]):
         return fit or solve(turn, starts, given, progress), None
@@ -145,7 +153,7 @@ def fit_most(
         free_parameters(turn, given.known),
         allowed,
         np.random.default_rng(0),
-        within(progress, RESOLVED if fit else SEARCHED, AGREED),
+        within(progress, reached, AGREED),
     )
     if verdict.agrees.sum() >= fewest and not verdict.agrees.all():
         agreeing = np.flatnonzero(verdict.agrees)
@@ -158,7 +166,7 @@ def fit_most(
             strict = judge(whole, apart.best.x, agreeing, allowed, trusting=True)
             if strict.agrees.sum() >= fewest:
                 return apart, strict
-    return fit or solve(turn, starts, given, progress), verdict
+    return fit or solve(turn, starts, given, within(progress, AGREED, 1)), verdict
 
 
 def _is_lost(thin: Turntable, x: np.ndarray) -> bool:

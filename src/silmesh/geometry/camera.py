@@ -202,6 +202,15 @@ class Similarity:
         return Similarity(-self.scale * self.centre, 1 / self.scale)
 
 
+def concatenate(*cameras: Cameras) -> Cameras:
+    """Cameras of different views of one world, as one."""
+    return Cameras(
+        tuple(view for one in cameras for view in one.views),
+        *(torch.cat([getattr(one, name) for one in cameras]) for name in ("sizes", "K", "R", "t")),
+        tuple(lens for one in cameras for lens in one.lenses),
+    )
+
+
 def write_cameras(path: Path | str, cameras: Cameras) -> None:
     """Write ``cameras.json``: a list of ``{view, width, height, K, R, t}``.
 

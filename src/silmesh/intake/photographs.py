@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from silmesh.cameras.crop_signs import are_many_sizes
 from silmesh.cameras.locate import NAMED
 from silmesh.errors import InputError, name_some
 from silmesh.naming import (
@@ -188,7 +189,7 @@ def _in_folders(folders: Sequence[Path], several: bool) -> tuple[list[Path], lis
     where = ", ".join(map(str, folders))
     _refuse_few(files, f"{where}: holds")
     mix = _mix(files)
-    if mix and len(folders) == 1 and not several:
+    if mix and len(folders) == 1 and not several and not _seem_cropped(files):
         raise InputError(
             f"{where}: holds photographs that differ: {mix}. silmesh makes one object: name its "
             f"files, as in `silmesh {_pattern(files)} -o mesh.glb`; or, if they are sets of one "
@@ -399,6 +400,12 @@ def _mix(files: Sequence[Path]) -> str:
         series[re.sub(r"\d+", "#", file.stem)].append(file)
     long = {name: found for name, found in series.items() if len(found) >= SERIES}
     return _list_kinds(long.items()) if len(long) > 1 else ""
+
+
+def _seem_cropped(files: Sequence[Path]) -> bool:
+    """Whether photographs of one series of names have so many sizes that each was cropped."""
+    series = {re.sub(r"\d+", "#", file.stem) for file in files}
+    return len(series) == 1 and are_many_sizes(len(set(map(_kind, files))), len(files))
 
 
 def _list_kinds(kinds: Iterable[tuple[str, list[Path]]]) -> str:

@@ -325,15 +325,26 @@ def _describe_scenes(scenes: Mapping[str, Scene], room: int) -> list[dict[str, A
             "coherence": f"{scene.notes['hull_iou_mean']:.3f}",
             "dropped": scene.notes["dropped"],
             "warnings": scene.notes["warnings"],
-            "estimates": [
-                *_show_estimates(scene.notes["figures"].get("estimates", {})),
-                *_show_rounds(scene.notes["figures"].get("rounds", [])),
-                *_show_crops(scene.notes["figures"].get("crops", {})),
-            ],
+            "estimates": _show_calibration(scene.notes["figures"]),
             "picture": _embed_still(scene.picture, room),
         }
         for names in variants.values()
         for scene in [scenes[names[0]]]
+    ]
+
+
+def _show_calibration(figures: Mapping[str, Any]) -> list[dict[str, str]]:
+    """All that was found of a turntable; of several rounds each has its elevation."""
+    rounds = figures.get("rounds", [])
+    estimates = {
+        name: one
+        for name, one in figures.get("estimates", {}).items()
+        if not (rounds and name == "elevation")
+    }
+    return [
+        *_show_estimates(estimates),
+        *_show_rounds(rounds),
+        *_show_crops(figures.get("crops", {})),
     ]
 
 

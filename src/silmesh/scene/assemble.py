@@ -65,7 +65,8 @@ def build_scene(
     settled = [_normalise(attempt, name, shown, keep_world) for attempt, name in named]
     attempts, normalised = [attempt for attempt, _ in settled], [cameras for _, cameras in settled]
     if not any(normalised):
-        ordered = any(attempt.source != FILE for attempt in attempts)
+        # Of a file's cameras, and between sets, the order of the views says nothing.
+        ordered = any(a.source != FILE and "sets" not in a.figures for a in attempts)
         raise InputError(_explain(attempts, diagnose(silhouettes, views, ordered=ordered)))
     taken, why = choose(attempts, normalised)
     attempt, best = attempts[taken], normalised[taken]

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
+import torch
 from PIL import Image
 
 from silmesh.cameras.attempt import CHECK_SERIES, Attempt
@@ -16,6 +17,7 @@ from silmesh.views import View
 
 SOURCE = "calibrate"
 MANY = 0.3  # of the views: if one turntable leaves out so many, sets are tried as well
+WHOLE = 0.9  # share of the progress when one turntable is fitted; sets are seldom tried
 TRIED = 2  # proposals of sets that are tried at most, the clearest first
 
 
@@ -35,18 +37,22 @@ def calibrate_sets(
         sets: the views of each set by their names; if there are none and no one turntable explains
             most views, the sets that names, sizes, times or silhouettes of the photographs propose
         pictures: the working images by the views' names
+        progress: is told which share is done
         known: of the turntable, as ``calibrate`` takes it
     """
     if sets:
         return _calibrate_each(silhouettes, views, _place(sets, views), pictures, progress, known)
-    whole = calibrate_views(silhouettes, views, progress=progress, **known)
+    whole = calibrate_views(silhouettes, views, progress=within(progress, 0, WHOLE), **known)
     if whole.cameras is not None and len(_disagreeing(whole)) < MANY * len(views):
+        progress(1)
         return whole
-    tried = []
+    tried: list[str] = []
     for split in propose(silhouettes, read_signs(views))[:TRIED]:
+        start = WHOLE + (1 - WHOLE) * len(tried) / TRIED
+        share = within(progress, start, start + (1 - WHOLE) / TRIED)
         parts = [part.tolist() for part in split.rounds]
         plain = {**known, "guess": False}
-        joined = _calibrate_each(silhouettes, views, parts, pictures, progress, plain)
+        joined = _calibrate_each(silhouettes, views, parts, pictures, share, plain)
         better = whole.cameras is None or len(_disagreeing(joined)) < len(_disagreeing(whole))
         if joined.cameras is not None and better:
             said = _say_taken(parts, views, split.because)
@@ -90,17 +96,86 @@ def _calibrate_each(
         some = [views[i] for i in part]
         if len(some) < FEWEST:
             why = f"is too short: a set that is joined with another takes {FEWEST} views or more"
-            return _refuse(some, why)
+            return _refuse(some, why, parts, views)
         share = within(progress, n / (len(parts) + 1), (n + 1) / (len(parts) + 1))
         attempt = calibrate_views(silhouettes[list(part)], some, progress=share, **known)
         if attempt.cameras is None:
-            return _refuse(some, f"taken by itself: {attempt.refusal}")
+            return _refuse(some, f"taken by itself: {attempt.refusal}", parts, views)
         attempts.append(attempt)
-    return join_attempts(attempts, views, silhouettes, pictures)
+    joined = join_attempts(attempts, views, silhouettes, pictures)
+    if joined.cameras is not None:
+        return joined
+    return _join_mirrored(joined, attempts, views, silhouettes, pictures)
 
 
-def _refuse(some: Sequence[View], why: str) -> Attempt:
-    return Attempt(SOURCE, None, refusal=f"cameras {SOURCE!r}: the set {_name(some)} {why}")
+def _join_mirrored(
+    refused: Attempt,
+    attempts: Sequence[Attempt],
+    views: Sequence[View],
+    silhouettes: np.ndarray,
+    pictures: Mapping[str, Image.Image] | None,
+) -> Attempt:
+    """The sets with one turned the other way, if they join so: a set alone may leave that open.
+
+    The set that was seen most nearly from the level of its table is tried first, since there what
+    tells an object from its mirror image says least. If no set does it, they are refused.
+    """
+    unsure = [n for n, attempt in enumerate(attempts) if _may_be_mirrored(attempt)]
+    for n in sorted(unsure, key=lambda n: abs(_elevation_of(attempts[n]))):
+        twin = _mirror(attempts[n])
+        joined = join_attempts(
+            [*attempts[:n], twin, *attempts[n + 1 :]], views, silhouettes, pictures
+        )
+        if joined.cameras is not None:
+            return replace(joined, warnings=(_say_mirrored(twin), *joined.warnings))
+    if not unsure:
+        return refused
+    said = "; nor do they join if one of them is taken to have turned the other way"
+    return replace(refused, refusal=f"{refused.refusal}{said}")
+
+
+def _may_be_mirrored(attempt: Attempt) -> bool:
+    """Whether the set's silhouettes leave open which way the object turned."""
+    figures = attempt.figures
+    told = figures["mirror"] in ("perspective", "elevation") and figures["direction_certain"]
+    return not told and "rounds" not in figures
+
+
+def _elevation_of(attempt: Attempt) -> float:
+    return attempt.figures["estimates"]["elevation"]["value"]
+
+
+def _mirror(attempt: Attempt) -> Attempt:
+    """The cameras that see the mirrored object nearly the same, if they are far from it.
+
+    Negating depth, with D = diag(1, 1, -1), takes R to D R D in the world that D mirrors.
+    """
+    D = torch.tensor([1.0, 1.0, -1.0], dtype=attempt.cameras.R.dtype)
+    cameras = replace(attempt.cameras, R=D[:, None] * attempt.cameras.R * D)
+    estimates = {
+        name: {**one, "value": -one["value"]} if name in ("elevation", "step") else one
+        for name, one in attempt.figures["estimates"].items()
+    }
+    figures = {**attempt.figures, "estimates": estimates, "mirror": "sets"}
+    return replace(attempt, cameras=cameras, figures=figures)
+
+
+def _say_mirrored(twin: Attempt) -> str:
+    views = twin.cameras.views
+    return (
+        f"cameras {SOURCE!r}: {views[0]!r} to {views[-1]!r} ({len(views)} views) are taken to turn "
+        f"the other way, seen from {_elevation_of(twin):.1f} degrees instead of "
+        f"{-_elevation_of(twin):.1f}: their silhouettes alone explain a mirrored object as well, "
+        "and only so do the sets join; if the mesh is mirrored, it was another set"
+    )
+
+
+def _refuse(
+    some: Sequence[View], why: str, parts: Sequence[Sequence[int]], views: Sequence[View]
+) -> Attempt:
+    refusal = f"cameras {SOURCE!r}: the set {_name(some)} {why}"
+    figures = {"sets": [[views[i].view for i in part] for part in parts]}
+    return Attempt(SOURCE, None, refusal=refusal, figures=figures)
 
 
 def _name(some: Sequence[View]) -> str:

@@ -8,10 +8,10 @@ counted from another side. One that fits is named, with how to convert the file;
 since a guess that is nearly right would pass unseen.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import permutations, product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
@@ -25,7 +25,7 @@ from silmesh.cameras.attempt import (
     Attempt,
 )
 from silmesh.cameras.crop_signs import see_crops
-from silmesh.cameras.crops_of_given import find_crops
+from silmesh.cameras.crops_of_given import GivenCrops, find_crops
 from silmesh.errors import InputError
 from silmesh.geometry.camera import OPENGL, Cameras
 from silmesh.geometry.frame import find_shown
@@ -168,24 +168,31 @@ def _crop(
         return None
     if normalised.overall < max(COHERENT, mean + NEAR):
         return None
-    crops = {
-        views[i]: {"shift": shift.tolist(), "scale": float(scale)}
-        for i, shift, scale in zip(shown, found.shifts, found.scales, strict=True)
+    said = _say_cropped(attempt, found, normalised.overall, mean)
+    figures = {**attempt.figures, "crops": _list_crops(found, [views[i] for i in shown])}
+    taken = replace(attempt, cameras=cameras, figures=figures, doubt=None)
+    return replace(taken, warnings=(*attempt.warnings, said)), normalised
+
+
+def _list_crops(found: GivenCrops, views: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Shift and scale of each view, for JSON."""
+    return {
+        view: {"shift": shift.tolist(), "scale": float(scale)}
+        for view, shift, scale in zip(views, found.shifts, found.scales, strict=True)
     }
+
+
+def _say_cropped(attempt: Attempt, found: GivenCrops, now: float, before: float) -> str:
+    """That photographs were cropped since, and the hull IoU with the crops and without."""
     x, y = np.ptp(found.shifts, axis=0)
     low, high = found.scales.min(), found.scales.max()
     scaled = f", scaled by {low:.2f} to {high:.2f}" if high > low else ", not scaled"
     said = (
         f"{_file(attempt)}: the photographs are taken to be cropped since: shifted by up to "
         f"{x:.1f} and {y:.1f} pixels of the working images against each other{scaled}. The "
-        f"cameras agree with the silhouettes so (hull IoU {normalised.overall:.2f}, {mean:.2f} as "
-        "they are)"
+        f"cameras agree with the silhouettes so (hull IoU {now:.2f}, {before:.2f} as they are)"
     )
-    known = {**attempt.figures, "crops": crops}
-    taken = replace(attempt, cameras=cameras, figures=known, doubt=None)
-    if attempt.doubt:
-        said = f"{attempt.doubt}; {said}"
-    return replace(taken, warnings=(*attempt.warnings, said)), normalised
+    return f"{attempt.doubt}; {said}" if attempt.doubt else said
 
 
 def _are_same(scales: np.ndarray) -> bool:

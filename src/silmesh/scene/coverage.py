@@ -52,6 +52,21 @@ def undo_shaving(before: np.ndarray, after: np.ndarray, pixels: np.ndarray) -> n
     return np.where(undone, before, after)
 
 
+def keep_outline(before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """What a region became, its outline as it was where it moved by no more than a pixel.
+
+    The outline of a region of which only a part is wrong is more exact than what colours show. A
+    thin limb that was lost or won touches what both regions agree on only at its end, and counts.
+
+    Args:
+        before, after: [height, width] bool
+    """
+    changed = before ^ after
+    beside = ndimage.binary_dilation(before & after, AROUND)
+    moved_far = ndimage.binary_dilation(changed & ~beside, AROUND)
+    return np.where(changed & ~moved_far, before, after)
+
+
 def _estimate(
     pixels: np.ndarray, core: np.ndarray, beyond: np.ndarray, nearby: int
 ) -> tuple[np.ndarray, np.ndarray]:

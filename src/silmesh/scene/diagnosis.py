@@ -26,6 +26,7 @@ from silmesh.errors import name_some
 from silmesh.geometry.frame import find_shown, is_cut
 from silmesh.views import View, open_image
 
+CUT = "the frame cuts the object in"  # begins the finding that it does
 MEASURED = "measured: "  # begins the line of a finding
 GAPS = 3  # most gaps that are reported
 LOOKED_AT, LISTED = 8, 6  # masks that are read, spread over all; most values that are listed
@@ -45,7 +46,8 @@ def diagnose(
         views: where the photographs lie in them
         coherent: cameras agree with them, so that only what they do not show is said: what lies
             beyond the frame of many photographs
-        ordered: cameras were sought that depend on the order of the views, as a file's do not
+        ordered: cameras were sought that depend on the order of the views, as neither a file's do
+            nor those of sets that are joined
     """
     if coherent:
         cut = is_cut(silhouettes, [view.frame for view in views])
@@ -90,7 +92,7 @@ def describe_cut(silhouettes: np.ndarray, views: Sequence[View]) -> list[str]:
     if not len(cut):
         return []
     return [
-        f"the frame cuts the object in {len(cut)} of {len(views)} photographs "
+        f"{CUT} {len(cut)} of {len(views)} photographs "
         f"({_name([views[i] for i in cut])}): {_advise_on_cut(len(cut), len(views))}photograph the "
         "whole object, from further away"
     ]

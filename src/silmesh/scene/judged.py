@@ -8,12 +8,13 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from silmesh.geometry.frame import count_on_frame
+from silmesh.geometry.frame import count_on_frame, is_cut
 from silmesh.geometry.robust_hull import robust_carve
 from silmesh.geometry.silhouette_iou import coherence
 from silmesh.geometry.thresholds import COHERENT
 from silmesh.progress import Share, untold
 from silmesh.scene.colour_edges import Figures, compare_all, contradict, describe_offset
+from silmesh.scene.diagnosis import CUT, MANY
 from silmesh.scene.outliers import Verdict
 from silmesh.scene.policy import DROPPED, REPAIRED, WEIGHTS, Decision, decide
 from silmesh.scene.resegmentation import Solved, solve_jointly
@@ -105,6 +106,7 @@ def judge_scene(
     )
     colours = compare_all(scene.images, views, decision.silhouettes, frames)
     left = _measure(scene, decision, keep_world, frames)
+    notes = notes | {"measured": _keep_measured(notes.get("measured", ()), decision, frames)}
     left = replace(left, notes=_note(notes, views, decision, colours))
     return Judged(left, views, frames, decision, colours)
 
@@ -161,6 +163,15 @@ def _find_sound(decision: Decision) -> list[int]:
     return [n for n, i in left if fates[i] == REPAIRED or not reasons[i]]
 
 
+def _keep_measured(measured: Sequence[str], decision: Decision, frames: np.ndarray) -> list[str]:
+    """What was measured before, but that the frame cuts what only wrong silhouettes showed."""
+    left = decision.fitted
+    cut = is_cut(decision.silhouettes[left], frames[left])
+    if REPAIRED not in decision.fates or cut.sum() >= MANY * len(left):
+        return list(measured)
+    return [line for line in measured if not line.startswith(CUT)]
+
+
 def _note(
     notes: Mapping[str, Any], views: Sequence[str], decision: Decision, colours: Sequence[Figures]
 ) -> dict[str, Any]:
@@ -173,7 +184,7 @@ def _note(
     return {
         **notes,
         "dropped": notes["dropped"] | lost,
-        "measured": [*notes.get("measured", ()), *describe_offset(colours)],
+        "measured": [*notes["measured"], *describe_offset(colours)],
         "doubtful": reasons or dict.fromkeys(notes["doubtful"], LOWERING),
         "contradicted": [views[i] for i in decision.fitted if contradict(colours[i])],
         "repaired": [view for view, fate in fates.items() if fate == REPAIRED],

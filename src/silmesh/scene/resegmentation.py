@@ -23,10 +23,11 @@ from scipy import ndimage
 
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.frame import find_shown, whole_frames
+from silmesh.geometry.overlap import iou
 from silmesh.geometry.robust_hull import AROUND, robust_carve
 from silmesh.progress import Share, untold
 from silmesh.scene.colour_model import ColourModel
-from silmesh.scene.coverage import settle_outline, undo_shaving
+from silmesh.scene.coverage import keep_outline, settle_outline, undo_shaving
 from silmesh.scene.graph_cut import cut
 from silmesh.scene.outliers import Verdict, find_outliers
 from silmesh.scene.votes import find_allowed
@@ -40,6 +41,7 @@ CALM = 8  # views that nothing contradicts, by which the hull is measured
 AROUND_VIEW = 6  # such views nearest to one, whose colours are the object's
 SURE = 4.0  # nats: the most that the hull counts, and the colours
 SPECK = 4  # pixels: a smaller part of the object, or of what is around it, is a speck
+MOSTLY_RIGHT = 0.5  # IoU with what a silhouette becomes, from which only parts of it are wrong
 # Specks are decided anew if they are so many, and more than this share of a silhouette's area. A
 # thin part that is seen at a slant falls into a few of them.
 MANY, SPECKLED = 6, 0.004
@@ -238,7 +240,9 @@ def _segment(
     odds[free] += _compare_colours(pixels[free], near, pixels[inside & (depth <= -OUTER)])
     fixed = silhouette & (part is not None)
     new = settle_outline(cut(odds, pixels, free, fixed), pixels, free)
-    return new if part is None else undo_shaving(silhouette, new, pixels)
+    if part is not None:
+        return undo_shaving(silhouette, new, pixels)
+    return keep_outline(silhouette, new) if iou(silhouette, new) >= MOSTLY_RIGHT else new
 
 
 def _find_voting(silhouettes: np.ndarray, contest: Contest) -> list[int]:

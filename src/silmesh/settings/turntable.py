@@ -72,13 +72,16 @@ def _parse_round(cell: str, part: str, several: bool) -> Turntable:
     numbers = part.split(",")
     photographs = numbers.pop() if several and len(numbers) == 4 else ""
     try:
+        if not part.isascii() or "_" in part:  # which Python's own numbers may have
+            raise ValueError(part)
         distance, elevation, step = (
             float(number) if number.strip() else None for number in numbers
         )
         count = int(photographs) if photographs.strip() else None
     except ValueError as error:
         raise InputError(
-            f"turntable: should be distance,elevation,step, for example 2.732,0,5, not {cell}; "
+            f"turntable: should be distance,elevation,step, for example 2.732,0,5, not {cell}"
+            f"{_blame_digits(part)}; "
             "what cameras 'calibrate' should find is left out, as in ',,5'; several rounds are "
             f"separated by ';', as in {EXAMPLE}"
         ) from error
@@ -89,6 +92,12 @@ def _parse_round(cell: str, part: str, several: bool) -> Turntable:
         )
     _check_numbers(cell, distance, elevation, step)
     return Turntable(distance, elevation, step, count)
+
+
+def _blame_digits(part: str) -> str:
+    """Which digits are none of 0 to 9, if some are."""
+    strange = "".join(c for c in part if c.isdecimal() and not c.isascii())
+    return f" ({shorten(strange)} should be digits from 0 to 9)" if strange else ""
 
 
 def _check_numbers(

@@ -1,0 +1,39 @@
+"""Sets of a turntable each, calibrated and joined."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+from scipy.spatial.transform import Rotation
+from turned_over import SIZE, ring, show, turn_over
+
+from silmesh.geometry.camera import Cameras
+from silmesh.scene.calibrated_sets import calibrate_sets
+from silmesh.views import place_view
+
+FARTHER = 8  # times, which leaves hardly any perspective
+
+
+def from_afar(cameras: Cameras) -> Cameras:
+    """Cameras so distant that a mirrored object, turned the other way, looks the same."""
+    K = cameras.K.clone()
+    K[:, :2, :2] *= FARTHER
+    return replace(cameras, K=K, t=FARTHER * cameras.t)
+
+
+@pytest.mark.slow
+def test_a_set_seen_from_below_is_taken_to_turn_the_other_way():
+    first, second = from_afar(ring("a", 30.0)), from_afar(ring("b", -15.0))
+    seen = np.concatenate([show(first), show(turn_over(second))])
+    names = [*first.views, *second.views]
+    views = [place_view(name, "", SIZE, SIZE, SIZE, "pad") for name in names]
+    attempt = calibrate_sets(seen, views, [first.views, second.views])
+    assert attempt.refusal is None
+    assert "'b0' to 'b9' (10 views) are taken to turn the other way" in attempt.warnings[0]
+    above, below = attempt.figures["of_sets"]
+    assert (above["mirror"], below["mirror"]) == ("table", "sets")
+    assert below["estimates"]["elevation"]["value"] == pytest.approx(-15, abs=2)
+    true = torch.cat([first.R, turn_over(second).R]).numpy()
+    apart = true[10] @ true[0].T @ (attempt.cameras.R[10] @ attempt.cameras.R[0].T).numpy().T
+    assert np.degrees(Rotation.from_matrix(apart).magnitude()) < 2
