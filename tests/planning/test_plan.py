@@ -355,3 +355,17 @@ def in_sets(tmp_path: Path, monkeypatch):
         return Plan(yaml.safe_load("datasets: list.tsv\nvariants: {a: {}}"), "my.yaml")
 
     return of
+
+
+def test_an_initial_mesh_of_ones_own_is_read_and_told_from_others(plan):
+    Path("ball.ply").touch()
+    Path("egg.ply").touch()
+    made = plan("a: {init: {shape: 'file:ball.ply'}}, b: {init: {shape: 'file:egg.ply'}}")
+    first, second = (made.run("cup", name) for name in "ab")
+    assert first.initial_key != second.initial_key
+    assert [run.initial_own for run in (first, second)] == [[Path("ball.ply")], [Path("egg.ply")]]
+
+
+def test_an_initial_mesh_that_is_not_there_is_refused(plan):
+    with pytest.raises(InputError, match=r"variants.a.init.shape: gone.ply: is not there"):
+        plan("a: {init: {shape: 'file:gone.ply'}}")

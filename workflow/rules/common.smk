@@ -307,9 +307,18 @@ def training_files():
     return [*files, plan.config.datasets, Path(plan.config.train.weights)]
 
 
-def variants_of(object_):
-    """The variants that an object runs."""
-    return [run.variant for run in plan.runs if run.dataset.object == object_]
+# Pictures are made of the first replicate of each experiment, and numbers of all.
+
+
+def shown_runs():
+    """The runs that are shown: the first replicates."""
+    return [run for run in plan.runs if run.member.replicate == 1]
+
+
+def experiments_of(object_):
+    """The experiment that each run of an object repeats."""
+    runs = [run for run in plan.runs if run.dataset.object == object_]
+    return [run.member.experiment for run in runs]
 
 
 def runs_of(object_, path):
@@ -317,9 +326,14 @@ def runs_of(object_, path):
     return [_fill(path, run) for run in plan.runs if run.dataset.object == object_]
 
 
+def shown_of(object_, path):
+    """A path of each run of an object that is shown."""
+    return [_fill(path, run) for run in shown_runs() if run.dataset.object == object_]
+
+
 def scenes_of(object_):
-    """The scene that each run of an object is fitted to."""
-    return [fitted_scene(run) for run in plan.runs if run.dataset.object == object_]
+    """The scene that each run of an object is fitted to, of those that are shown."""
+    return [fitted_scene(run) for run in shown_runs() if run.dataset.object == object_]
 
 
 def every_run(path):
@@ -330,6 +344,11 @@ def every_run(path):
 def every_textured(path):
     """A path of each run with a texture, as ``every_run`` has them."""
     return list(dict.fromkeys(_fill(path, run) for run in plan.runs if run.textured))
+
+
+def every_shown(path):
+    """A path of each run that is shown, once."""
+    return list(dict.fromkeys(_fill(path, run) for run in shown_runs()))
 
 
 def _fill(path, run):
@@ -352,7 +371,7 @@ def published_arguments(object_):
     """The arguments that name the published curves of an object's variants."""
     if not plan.config.published:
         return ""
-    names = [run.published for run in plan.runs if run.dataset.object == object_]
+    names = [run.published for run in shown_runs() if run.dataset.object == object_]
     return f"--published {quote(str(plan.config.published))} --curves {' '.join(names)}"
 
 
@@ -367,12 +386,15 @@ def report_plan():
     }
     return {
         "configuration": plan.config.describe(),
+        "baseline": plan.baseline,
         "objects": rows,
         "truths": truths(),
         "runs": [
             {
                 "object": run.dataset.object,
                 "variant": run.variant,
+                "experiment": run.member.experiment,
+                "replicate": run.member.replicate,
                 "scene": run.scene_key,
                 "judged": run.judged_key,
                 "published": run.published,

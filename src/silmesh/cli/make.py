@@ -45,6 +45,7 @@ from silmesh.planning.datasets import usable
 from silmesh.scene.diagnosis import MEASURED, describe_masks
 from silmesh.settings.detail import NORMAL, choose_detail
 from silmesh.settings.fit import name_fit
+from silmesh.settings.init import mesh_file
 from silmesh.settings.texture import NONE
 from silmesh.silhouettes.mask import refuse_labels
 from silmesh.silhouettes.weights import CACHE
@@ -401,6 +402,8 @@ def _name_sets(cell: str, files: Sequence[Path]) -> str:
 
 def _from_anywhere(method: str) -> str:
     """A method's name, the path of a person's own made absolute: the workflow runs elsewhere."""
+    if mesh := mesh_file(method):
+        return f"file:{usable(mesh.absolute())}"
     return str(Path(method).absolute()) if own_file(method) else method
 
 

@@ -102,6 +102,7 @@ def write_page(
     galleries: Mapping[tuple[str, str], Mapping[str, Any]],
     settings: Mapping[str, Any],
     truths: Mapping[str, trimesh.Trimesh] = MappingProxyType({}),
+    conclusions: Sequence[str] = (),
 ) -> str:
     """Write the page.
 
@@ -111,6 +112,7 @@ def write_page(
         settings: ``configuration``: the whole of it, defaults filled in; ``objects``: what the
             rows of the objects say, for example where their silhouettes come from
         truths: the true meshes of objects
+        conclusions: what can be concluded of the variants, in sentences
     Returns:
         HTML, the same for the same arguments and versions
     """
@@ -123,7 +125,8 @@ def write_page(
     ).get_template(TEMPLATE)
     metrics = {run: result.metrics for run, result in results.items()}
     shown = [key for key in TRUTH if any(v.get(key) is not None for v in metrics.values())]
-    objects = objects_of(results)
+    objects, shown_variants = objects_of(results), {variant for _, variant in results}
+    order = [name for name in settings["configuration"]["variants"] if name in shown_variants]
     room = STILLS // (len(results) + len({(o, r.scene.name) for (o, _), r in results.items()}))
     return page.render(
         objects=[
@@ -132,6 +135,7 @@ def write_page(
                 {variant: results[object_, variant] for variant in variants},
                 {name: g for (of, name), g in galleries.items() if of == object_},
                 settings,
+                order,
                 truths.get(object_),
                 (len(objects), room, ROOM / max(_count_textures(results), 1)),
             )
@@ -141,6 +145,7 @@ def write_page(
         overview=[metric for metric in METRICS if metric.key in (*OVERVIEW, *shown)],
         meanings=[m for m in METRICS if any(m.key in v for v in metrics.values())],
         coherent=COHERENT,
+        conclusions=conclusions,
         configuration=settings["configuration"],
         versions=_versions(),
         styles=[_read(name) for name in STYLES],
@@ -159,6 +164,7 @@ def _describe_object(
     results: Mapping[str, Result],
     galleries: Mapping[str, Mapping[str, Any]],
     settings: Mapping[str, Any],
+    order: Sequence[str],
     truth: trimesh.Trimesh | None,
     shares: tuple[int, int, float],
 ) -> dict[str, Any]:
@@ -166,7 +172,6 @@ def _describe_object(
 
     ``shares``: how many objects there are, bytes of a still, bytes of a texture.
     """
-    order = list(settings["configuration"]["variants"])
     chosen = {variant: run_settings(object_, variant, settings) for variant in results}
     thinned = {
         name: _thin_gallery(
