@@ -1,6 +1,7 @@
 """The edges of a triangle mesh, each once however many faces share it."""
 
 import numpy as np
+from scipy import sparse
 
 
 def number_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -14,3 +15,9 @@ def number_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     stride = int(faces.max()) + 1
     keys, of_face = np.unique(ends[..., 0] * stride + ends[..., 1], return_inverse=True)
     return np.stack(np.divmod(keys, stride), axis=1), of_face.reshape(-1, 3)
+
+
+def link_ends(edges: np.ndarray, count: int) -> sparse.csr_array:
+    """Which of so many vertices are joined by edges [edges, 2]: [verts, verts], 0 or 1."""
+    both = np.concatenate([edges, edges[:, ::-1]])
+    return sparse.csr_array((np.ones(len(both)), both.T), shape=(count, count))

@@ -7,9 +7,8 @@ manifold stays one, of the same genus.
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
-from silmesh.geometry.edges import number_edges
+from silmesh.geometry.edges import link_ends, number_edges
 
 Floats = NDArray[np.floating]
 Ints = NDArray[np.integer]
@@ -132,7 +131,7 @@ def _pull(verts: Floats, edges: Ints) -> tuple[Floats, Ints]:
 
 def _collapsible(edges: Ints, some: Ints, faces: Ints, count: int) -> NDArray[np.bool_]:
     """Whether the ends of some edges share two neighbours and no more, which have others beside."""
-    adjacent = _adjacency(edges, count)
+    adjacent = link_ends(edges, count)
     a, b = edges[some].T
     shared = np.asarray(adjacent[a].multiply(adjacent[b]).sum(axis=1)).ravel()
     degree = np.bincount(edges.ravel(), minlength=count)
@@ -201,7 +200,7 @@ def flip_edges(verts: Floats, faces: Ints, passes: int = 3) -> Ints:
 def _flippable(verts: Floats, edges: Ints, diamonds: Ints, degree: Ints) -> NDArray[np.bool_]:
     """Whether the other diagonal is no edge yet, the pair flat, and no triangle tips over."""
     a, b, c, d = diamonds.T
-    adjacent = _adjacency(edges, len(verts))
+    adjacent = link_ends(edges, len(verts))
     new = np.asarray(adjacent[c, d]).ravel() == 0
     pairs = [np.stack(corners, axis=1) for corners in ((a, b, c), (b, a, d), (a, d, c), (d, b, c))]
     normals = np.stack([_normals(verts, pair) for pair in pairs])
@@ -223,7 +222,7 @@ def _flip(faces: Ints, diamonds: Ints, sides: Ints) -> Ints:
 def relax(verts: Floats, faces: Ints, step: float = STEP) -> Floats:
     """Move every vertex towards the mean of its neighbours, in its tangent plane."""
     edges, _ = number_edges(faces)
-    adjacent = _adjacency(edges, len(verts))
+    adjacent = link_ends(edges, len(verts))
     mean = adjacent @ verts / np.maximum(adjacent.sum(axis=1), 1).reshape(-1, 1)
     normals = np.zeros_like(verts)
     np.add.at(normals, faces.ravel(), np.repeat(_normals(verts, faces), 3, axis=0))
@@ -240,11 +239,6 @@ def _diamonds(faces: Ints) -> tuple[Ints, Ints]:
     a, b = faces[face[:, 0], side[:, 0]], faces[face[:, 0], (side[:, 0] + 1) % 3]
     c, d = (faces[face[:, i], (side[:, i] + 2) % 3] for i in (0, 1))
     return np.stack([a, b, c, d], axis=1), face
-
-
-def _adjacency(edges: Ints, count: int) -> sparse.csr_array:
-    both = np.concatenate([edges, edges[:, ::-1]])
-    return sparse.csr_array((np.ones(len(both)), both.T), shape=(count, count))
 
 
 def _lengths(verts: Floats, edges: Ints) -> Floats:

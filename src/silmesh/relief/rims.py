@@ -8,10 +8,9 @@ the mean over such views; their neighbours follow a little.
 import numpy as np
 import torch
 import trimesh
-from scipy import sparse
 
 from silmesh.geometry.camera import Cameras
-from silmesh.geometry.edges import number_edges
+from silmesh.geometry.edges import link_ends, number_edges
 from silmesh.geometry.signed_distance import signed_distance
 from silmesh.shapes.downsample import render
 
@@ -32,7 +31,7 @@ def match_rims(
         size: height and width of the images in which they are compared
     """
     wanted = [signed_distance(shown, FAR, 0) for shown in render(bound, cameras, size)]
-    neighbours = _neighbours(np.asarray(mesh.faces), len(mesh.vertices))
+    neighbours = link_ends(number_edges(np.asarray(mesh.faces))[0], len(mesh.vertices))
     for _ in range(ROUNDS):
         push, count = _measure(mesh, wanted, cameras, size)
         weight = count + HOLD * (count == 0)
@@ -66,9 +65,3 @@ def _measure(
         push[asked] += moved * depth[asked] / float(cameras.K[i, 0, 0])
         count[asked] += 1
     return push, count
-
-
-def _neighbours(faces: np.ndarray, count: int) -> sparse.csr_array:
-    edges, _ = number_edges(faces)
-    both = np.concatenate([edges, edges[:, ::-1]])
-    return sparse.csr_array((np.ones(len(both)), both.T), shape=(count, count))

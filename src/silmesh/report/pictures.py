@@ -13,11 +13,11 @@ import matplotlib as mpl
 import numpy as np
 import trimesh
 from PIL import Image, ImageDraw, ImageFont
-from scipy.ndimage import map_coordinates
 
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.textured_mesh import has_texture, picture_of
 from silmesh.report.outlines import find_outlines
+from silmesh.texture.sampling import sample_all
 
 CELL = 264  # side of one picture, in pixels
 CELLS = 5  # pictures of a view, side by side
@@ -154,20 +154,13 @@ def paint(mesh: trimesh.Trimesh, hits: Hits) -> np.ndarray:
     corners = mesh.faces[hits.faces]
     if has_texture(mesh):
         uv = np.einsum("ni,nij->nj", hits.weights, np.asarray(mesh.visual.uv)[corners])
-        image[hits.mask] = _look_up(np.asarray(picture_of(mesh)), uv) / 255
+        picture = np.asarray(picture_of(mesh))
+        pixels = np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1) * picture.shape[1::-1]
+        image[hits.mask] = sample_all(picture, pixels) / 255
     else:
         at_corners = mesh.visual.vertex_colors[corners, :3] / 255  # [hits, 3, 3]
         image[hits.mask] = np.einsum("ni,nij->nj", hits.weights, at_corners)
     return image.clip(0, 1)
-
-
-def _look_up(picture: np.ndarray, uv: np.ndarray) -> np.ndarray:
-    """A texture's colours at texture coordinates [n, 2], bilinear: [n, 3]."""
-    height, width = picture.shape[:2]
-    places = [(1 - uv[:, 1]) * height - 0.5, uv[:, 0] * width - 0.5]
-    layers = np.moveaxis(picture, 2, 0)
-    found = [map_coordinates(layer, places, float, order=1, mode="nearest") for layer in layers]
-    return np.stack(found, axis=1)
 
 
 def draw_edges(

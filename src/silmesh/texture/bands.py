@@ -30,15 +30,15 @@ class Slow:
 def take_slow(photograph: np.ndarray, silhouette: np.ndarray) -> Slow:
     """The slow band of a photograph [height, width, 3] within a silhouette [height, width]."""
     step = max(1, -(-max(silhouette.shape) // COARSE))
-    count = _average_blocks(silhouette.astype(np.float32), step)
+    count = average_blocks(silhouette.astype(np.float32), step)
     masked = np.where(silhouette[..., None], photograph, np.uint8(0))
-    total = np.stack([_average_blocks(masked[..., i], step) for i in range(3)], axis=-1)
+    total = np.stack([average_blocks(masked[..., i], step) for i in range(3)], axis=-1)
     weight = gaussian_filter(count, WIDTH)
     image = gaussian_filter(total, (WIDTH, WIDTH, 0)) / np.maximum(weight, 1e-4)[..., None]
     return Slow(image.astype(np.float32), step)
 
 
-def _average_blocks(image: np.ndarray, step: int) -> np.ndarray:
+def average_blocks(image: np.ndarray, step: int) -> np.ndarray:
     """The means of blocks of step x step, an image's edge repeated: [rows, columns] float32."""
     height, width = image.shape
     padded = np.pad(image, [(0, -height % step), (0, -width % step)], mode="edge")

@@ -6,7 +6,9 @@ they see, whose logarithm is first smoothed over the mesh, so that the choice do
 """
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix, diags
+from scipy.sparse import csr_array, diags_array, eye_array
+
+from silmesh.geometry.edges import link_ends, number_edges
 
 SMOOTHING = 6  # rounds in which a vertex takes the mean of its own and its neighbours' qualities
 POWER = 4
@@ -29,11 +31,7 @@ def share_detail(qualities: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return np.exp(POWER * (logs - np.where(np.isfinite(best), best, 0)))
 
 
-def average_neighbours(faces: np.ndarray, count: int) -> csr_matrix:
+def average_neighbours(faces: np.ndarray, count: int) -> csr_array:
     """A matrix that gives each vertex the mean of itself and its neighbours: [verts, verts]."""
-    pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    rows, columns = np.concatenate([pairs, pairs[:, ::-1]]).T
-    beside = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(count, count)).tocsr()
-    beside.data[:] = 1
-    beside = beside + diags(np.ones(count))
-    return (diags(1 / np.asarray(beside.sum(axis=1)).ravel()) @ beside).tocsr()
+    beside = link_ends(number_edges(faces)[0], count) + eye_array(count)
+    return (diags_array(1 / beside.sum(axis=1)) @ beside).tocsr()

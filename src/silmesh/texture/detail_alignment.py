@@ -22,6 +22,7 @@ from scipy.ndimage import gaussian_filter
 from scipy.spatial.transform import Rotation
 
 from silmesh.geometry.camera import Cameras
+from silmesh.texture.bands import average_blocks
 
 LONGEST = 800  # pixels of the images that are compared
 BANDS = ((2.5, 10.0), (1.0, 5.0))  # widths of the Gaussians whose difference is a band, in pixels
@@ -30,6 +31,7 @@ HOLD = 0.03
 CELLS = 16  # cells a side of the mesh's box
 FEWEST = 100  # points by which a camera is moved
 BETTER = 0.98  # of its error before, that a camera's is to fall to
+NOTHING = 0.01  # grey levels: a smaller error before is the rounding of numbers
 FARTHEST = 8.0  # pixels of these images that a point may move in a step of all
 
 
@@ -54,7 +56,7 @@ def take_details(photograph: np.ndarray, silhouette: np.ndarray, weights: np.nda
     grey = photograph.mean(axis=2, dtype=np.float32) * silhouette
     count = silhouette.astype(np.float32)
     if step > 1:
-        grey, count = (_average_blocks(image, step) for image in (grey, count))
+        grey, count = (average_blocks(image, step) for image in (grey, count))
     smooth = {}
     for width in {width for band in BANDS for width in band}:
         under = np.maximum(gaussian_filter(count, width, truncate=3), 1e-3)
@@ -62,11 +64,6 @@ def take_details(photograph: np.ndarray, silhouette: np.ndarray, weights: np.nda
     inside = count >= 0.5
     bands = tuple(np.where(inside, smooth[a] - smooth[b], 0) for a, b in BANDS)
     return Details(bands, 1 / step, weights)
-
-
-def _average_blocks(image: np.ndarray, step: int) -> np.ndarray:
-    height, width = (n // step * step for n in image.shape)
-    return image[:height, :width].reshape(height // step, step, -1, step).mean(axis=(1, 3))
 
 
 class Alignment:
@@ -99,11 +96,12 @@ class Alignment:
         after = self._judge(last)
         self.moves = np.zeros_like(moved)
         before = self._judge(last)
-        better = after < BETTER * before
+        better = (after < BETTER * before) & (before > NOTHING)
         pixels = self._shifts(moved)
         if np.sum(after) >= BETTER * np.sum(before):
             better[:] = False
         self.moves = np.where(better[:, None], moved, 0)
+        after = self._judge(last)
         notes = {
             "moved": int(better.sum()),
             "pixels": round(float(np.median(pixels[better])), 2) if better.any() else 0.0,

@@ -1,12 +1,12 @@
 """Colours for what no photograph shows: harmonic on the mesh between those that are known."""
 
 import numpy as np
-from scipy.sparse import eye
+from scipy.sparse import eye_array
 from scipy.sparse.linalg import spsolve
 
 from silmesh.texture.choice import average_neighbours
+from silmesh.texture.vertex_colours import GREY
 
-GREY = 124.0  # where nothing is known
 FAINT = 1e-6  # pull towards grey, so that a part without any known vertex has a solution
 
 
@@ -21,9 +21,9 @@ def fill_vertices(colours: np.ndarray, known: np.ndarray, faces: np.ndarray) -> 
     filled = np.where(known[:, None], colours, GREY)
     if known.all() or not known.any():
         return filled
-    laplacian = eye(len(known)) - average_neighbours(faces, len(known))
+    laplacian = eye_array(len(known)) - average_neighbours(faces, len(known))
     rows = laplacian.tocsr()[~known]
-    left = (rows[:, ~known] + FAINT * eye(int((~known).sum()))).tocsc()
+    left = (rows[:, ~known] + FAINT * eye_array(int((~known).sum()))).tocsc()
     right = FAINT * GREY - rows[:, known] @ colours[known]
     filled[~known] = spsolve(left, right).reshape(-1, 3)
     return filled

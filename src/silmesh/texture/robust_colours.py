@@ -10,7 +10,8 @@ seeing best what it alone sees so.
 
 import numpy as np
 
-SCALE = 25.0  # of 255
+from silmesh.texture.vertex_colours import SCALE
+
 ROUNDS = 5
 
 

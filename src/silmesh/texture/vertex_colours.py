@@ -16,9 +16,9 @@ from collections.abc import Sequence
 import numpy as np
 import trimesh
 from scipy.ndimage import distance_transform_edt, map_coordinates
-from scipy.sparse import coo_matrix, csr_matrix
 
 from silmesh.geometry.camera import Cameras
+from silmesh.geometry.edges import link_ends, number_edges
 
 SQUARE = 3
 ERODE, FEATHER = 1.0, 4.0  # pixels
@@ -110,7 +110,7 @@ def _blend(colours: np.ndarray, weights: np.ndarray) -> np.ndarray:
 
 def _fill(colours: np.ndarray, known: np.ndarray, faces: np.ndarray) -> np.ndarray:
     """Spread colours from known vertices over the edges, ring by ring, to all others."""
-    beside = _neighbours(faces, len(colours))
+    beside = link_ends(number_edges(faces)[0], len(colours))
     colours, known = np.where(known[:, None], colours, 0), known.copy()
     while True:
         count = beside @ known.astype(float)
@@ -119,12 +119,3 @@ def _fill(colours: np.ndarray, known: np.ndarray, faces: np.ndarray) -> np.ndarr
             return np.where(known[:, None], colours, GREY)
         colours[reached] = (beside @ colours)[reached] / count[reached, None]
         known |= reached
-
-
-def _neighbours(faces: np.ndarray, verts: int) -> csr_matrix:
-    """Which vertices share an edge: [verts, verts], 0 or 1."""
-    pairs = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    pairs = np.concatenate([pairs, pairs[:, ::-1]])
-    beside = coo_matrix((np.ones(len(pairs)), pairs.T), shape=(verts, verts)).tocsr()
-    beside.data[:] = 1
-    return beside

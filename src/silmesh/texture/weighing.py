@@ -2,8 +2,9 @@
 
     w = cos^SQUARE (normal, ray) f(d) s^2
 
-f rises from 0 to 1 over the distance d to the outline, of FEATHER pixels of the working image,
-where the silhouette is known to; s is pixels a length on a surface that faces the camera.
+f rises with the distance d to the outline from FAINT, ERODE pixels of the working image within it,
+to 1, FEATHER pixels further in, all as for colours of the vertices; s is pixels a length on a
+surface that faces the camera.
 """
 
 from collections.abc import Sequence
@@ -16,11 +17,8 @@ from silmesh.geometry.camera import Cameras
 from silmesh.geometry.originals import Originals
 from silmesh.texture.bands import Slow, take_slow
 from silmesh.texture.sampling import sample_all
+from silmesh.texture.vertex_colours import ERODE, FAINT, FEATHER, SQUARE
 from silmesh.texture.visibility import Sight, look, measure, shrink
-
-SQUARE = 3
-ERODE, FEATHER = 1.0, 4.0  # pixels of the working image, from the outline inwards
-FAINT = 1e-3  # f just inside, so that a thin part, nowhere far from an edge, has a colour
 
 
 @dataclass(frozen=True)
