@@ -18,6 +18,17 @@ def test_what_is_known_stays_and_the_rest_is_near():
     assert filled.max() <= 200
 
 
+def test_stripes_go_on_beside_a_chart():
+    known = np.zeros((16, 9), bool)
+    known[:, :4] = True
+    image = np.zeros((16, 9, 3), np.float32)
+    image[6, :4] = 240  # a stripe of one texel that ends at the chart's edge
+    filled = fill_gaps(image, known)[..., 0]
+    assert filled[6, 4] == 240 / 2  # 1 of the stripe beside it, half of each of two that are black
+    assert filled[5, 4] == filled[7, 4] == 240 * 0.5 / 2
+    assert (filled[[4, 8], 4] == 0).all()
+
+
 def test_nothing_known_stays_as_it_is():
     image = np.full((4, 4, 3), 7, np.float32)
     assert (fill_gaps(image, np.zeros((4, 4), bool)) == 7).all()

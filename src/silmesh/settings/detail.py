@@ -75,7 +75,7 @@ def choose_detail(
                 f"detail {detail!r}: the preset {preset!r} looks at whole images, which takes too "
                 f"much of large ones; should be the preset {FAST!r}, or a size be given"
             )
-    wanted, lowered = size or settings["views"]["size"], ()
+    wanted, lowered = settings["views"]["size"] if size is None else size, ()
     if wanted == OWN:
         own = min(max(longest, LEAST), MOST)
         wanted = _fit_memory(own, views)
