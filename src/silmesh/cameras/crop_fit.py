@@ -30,10 +30,7 @@ from silmesh.cameras.turntable_fit import (
     TurntableFit,
     root_mean_square,
 )
-from silmesh.cameras.turntable_residuals import (
-    NOISE,
-    Turntable,
-)
+from silmesh.cameras.turntable_residuals import NOISE, Turntable
 from silmesh.progress import Share, untold, within
 
 FINE_STEPS = 15  # of a fit of all views
@@ -158,15 +155,10 @@ def _are_uneven(cropped: Cropped, x: np.ndarray) -> bool:
     views, count = len(cropped.hulls), cropped.turn.outlines.known.shape[1]
     if root_mean_square(_measure(cropped, x)) <= NOISE:
         return False
-    angles, fold = (
-        cropped.turn.shared + np.arange(views),
-        np.arange(count) * FOLDS // count % 2 == 0,
-    )
-    gains = []
+    none, angles = np.zeros(0), cropped.turn.shared + np.arange(views)
+    fold, gains = np.arange(count) * FOLDS // count % 2 == 0, []
     for part, held_out in permutations((cropped.only(fold), cropped.only(~fold))):
-        even, uneven = (
-            part.fit(x, free, OFFSET_STEPS, frontier=False) for free in (np.zeros(0), angles)
-        )
+        even, uneven = (part.fit(x, free, OFFSET_STEPS, frontier=False) for free in (none, angles))
         gains.append(held_out.view_costs(even) - held_out.view_costs(uneven))
     gain = np.mean(gains, axis=0)
     return bool(gain.mean() > BETTER * gain.std(ddof=1) / math.sqrt(views))

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from scipy import ndimage
 
+from silmesh.cameras.arcs import CUT
 from silmesh.cameras.rounds import read_time, split_times
 from silmesh.cameras.series import (
     LEAST,
@@ -26,7 +27,6 @@ from silmesh.errors import name_some
 from silmesh.geometry.frame import find_shown, is_cut
 from silmesh.views import View, open_image
 
-CUT = "the frame cuts the object in"  # begins the finding that it does
 MEASURED = "measured: "  # begins the line of a finding
 GAPS = 3  # most gaps that are reported
 LOOKED_AT, LISTED = 8, 6  # masks that are read, spread over all; most values that are listed

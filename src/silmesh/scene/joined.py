@@ -84,23 +84,31 @@ def _join(first: Part, second: Part) -> tuple[Part, dict[str, Any]]:
     if 1 - coherence > TIMES * (1 - min(alone)) + LOSS:
         raise InputError(_say_apart(first, second, coherence, alone))
     others = [one for one in turnings if best.angle_to(one) > DISTINCT / 2]
+    runner_up = None
+    if others:
+        rival = bring(first, second, worlds, others[0]).normalised().overall
+        runner_up = {"apart": best.angle_to(others[0]), "coherence": rival}
     join = {
         "views": [len(first.views), len(second.views)],
+        **_describe_turning(turning),
+        "coherence": coherence,
+        "alone": alone,
+        "runner_up": runner_up,
+        "together": solved,
+        **judged,
+    }
+    join["said"] = [_say_join(first, second, join), *_say_together(join), *_say_ambiguous(join)]
+    return joined, join
+
+
+def _describe_turning(turning: Turning) -> dict[str, Any]:
+    """A similarity for JSON; its angle is in degrees."""
+    return {
         "rotation": turning.Q.tolist(),
         "scale": turning.s,
         "shift": turning.c.tolist(),
         "angle": float(np.degrees(Rotation.from_matrix(turning.Q).magnitude())),
-        "coherence": coherence,
-        "alone": alone,
-        "runner_up": None,
-        "together": solved,
-        **judged,
     }
-    if others:
-        rival = bring(first, second, worlds, others[0]).normalised().overall
-        join["runner_up"] = {"apart": best.angle_to(others[0]), "coherence": rival}
-    join["said"] = [_say_join(first, second, join), *_say_together(join), *_say_ambiguous(join)]
-    return joined, join
 
 
 def _solve(
