@@ -151,6 +151,7 @@ class Calibration:
         rounds: what was found of each round, if there are several
         rounds_because: what tells them apart
         crops: of each view with an outline, if the views were cropped one by one
+        cut: a sentence that such crops seem to cut the object, if so
     """
 
     cameras: Cameras
@@ -166,6 +167,7 @@ class Calibration:
     rounds: tuple[Round, ...] = ()
     rounds_because: str = ""
     crops: dict[str, Crop] = field(default_factory=dict)
+    cut: str = ""
 
 
 def calibrate(
@@ -228,7 +230,8 @@ def calibrate(
     progress(1)
     repeated = _find_repeated(silhouettes[shown], [views[i] for i in shown])
     if found.is_of_all:
-        _refuse_incoherent(found, [*repeated, *crops.say_cut(turn), *crops.say_sets()], signs)
+        sets = crops.say_sets() if guess else []  # a guessed set is told of its whole
+        _refuse_incoherent(found, [*repeated, *crops.say_cut(turn), *sets], signs)
     return _judge(found, turn, views, full, repeated, crops)
 
 
@@ -271,7 +274,8 @@ def _judge(
     if not (found.crops and found.crops.cropped.whole.all()):
         said += _find_cut(turn, named)
     pixels = {} if verdict is None else dict(zip(turn.index, verdict.pixels, strict=True))
-    return _report(found, views, pixels, disagreeing, said)
+    cut = crops.say_along_edges(turn) if crops.told else []
+    return replace(_report(found, views, pixels, disagreeing, said), cut="".join(cut))
 
 
 def calibrate_views(
@@ -321,6 +325,8 @@ def attempt_calibration(
         figures["rounds"] = [asdict(one) for one in found.rounds]
     if found.crops:
         figures["crops"] = {view: asdict(crop) for view, crop in found.crops.items()}
+    if found.cut:
+        figures["cut"] = found.cut
     return Attempt("calibrate", found.cameras, warnings=found.warnings, figures=figures)
 
 

@@ -194,9 +194,10 @@ def _say_rounds(rounds: Sequence[range], views: Sequence[View], why: str = "") -
     return (
         f"the photographs fall in {len(rounds)} rounds{', ' * bool(why)}{why}: {said}; "
         "if one axis does not explain all, give the photographs of one alone, or what is known of "
-        "each: turntable ',5,20;,40,20'. Other rounds are taken with "
-        "known cameras, or by 'colmap' where the object has texture or stands on something "
-        "patterned that turns with it"
+        "each: turntable ',5,20;,40,20'; if the object was turned over between them, name each as "
+        "a set, in the column 'sets' or by --sets. Other rounds are taken with known cameras, or "
+        "by 'colmap' where the object has texture or stands on something patterned that turns with "
+        "it"
     )
 
 
