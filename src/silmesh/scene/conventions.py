@@ -151,7 +151,7 @@ def _refuse_cut(attempt: Attempt, found: Normalised) -> None:
     cut = attempt.figures.get("cut")
     if cut and found.mean < COHERENT:
         raise InputError(
-            f"cameras {attempt.source!r}: {cut}. No body fills more than {found.mean:.2f} of the "
+            f"{cut}. No body fills more than {found.mean:.2f} of the "
             f"silhouettes before these cameras (hull IoU; of such photographs at least {COHERENT} "
             "is accepted)"
         )
