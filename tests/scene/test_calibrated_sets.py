@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from PIL import Image
 from scipy.spatial.transform import Rotation
 from turned_over import SIZE, ring, show, turn_over
 
@@ -47,3 +48,18 @@ def test_rounds_that_were_given_are_not_tried_as_sets():
     attempt = calibrate_sets(seen, views, rounds=parse_turntable(",,,8;,,,8").rounds)
     assert "rounds of 8 and 8 photographs, 16 in all, but there are 20" in attempt.refusal
     assert "sets" not in attempt.refusal
+
+
+@pytest.mark.slow
+def test_a_folder_of_three_views_that_disagree_is_said_to_be_too_short(tmp_path):
+    above, over = ring("a", 30.0), turn_over(ring("b", 45.0)).select(range(3))
+    seen = np.concatenate([show(above), show(over)])
+    files = [*(f"front/{view}.png" for view in above.views), *(f"back/{v}.png" for v in over.views)]
+    views = []
+    for name, file in zip([*above.views, *over.views], files, strict=True):
+        (tmp_path / file).parent.mkdir(exist_ok=True)
+        Image.new("RGB", (SIZE, SIZE)).save(tmp_path / file)
+        views.append(place_view(name, str(tmp_path / file), SIZE, SIZE, SIZE, "pad"))
+    attempt = calibrate_sets(seen, views, step=36.0)
+    assert set(attempt.figures["disagreeing"]) == {"b0", "b1", "b2"}
+    assert "one of 3 ('b0.png' to 'b2.png') is too short" in attempt.warnings[-1]

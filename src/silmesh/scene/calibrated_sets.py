@@ -10,7 +10,7 @@ from PIL import Image
 
 from silmesh.cameras.attempt import CHECK_SERIES, Attempt
 from silmesh.cameras.calibrate import calibrate_views
-from silmesh.cameras.rounds import propose, read_signs
+from silmesh.cameras.rounds import describe_short, propose, read_signs
 from silmesh.cameras.sets import FEWEST
 from silmesh.progress import Share, untold, within
 from silmesh.scene.joined import join_attempts
@@ -48,7 +48,7 @@ def calibrate_sets(
     explained = whole.cameras is not None and len(_disagreeing(whole)) < MANY * len(views)
     if explained or len(known.get("rounds", ())) > 1:  # rounds that were given are no sets
         progress(1)
-        return whole
+        return _tell_short(whole, views)
     tried: list[str] = []
     for split in propose(silhouettes, read_signs(views))[:TRIED]:
         start = WHOLE + (1 - WHOLE) * len(tried) / TRIED
@@ -71,6 +71,15 @@ def calibrate_sets(
 def _disagreeing(attempt: Attempt) -> Mapping[str, str]:
     """The views that had no say, and why."""
     return attempt.figures.get("disagreeing", {})
+
+
+def _tell_short(whole: Attempt, views: Sequence[View]) -> Attempt:
+    """The attempt with a sentence on a part of the photographs that had no say and is too short."""
+    out = [i for i, view in enumerate(views) if view.view in _disagreeing(whole)]
+    if not out:
+        return whole
+    said = describe_short(read_signs(views), out)
+    return replace(whole, warnings=(*whole.warnings, *said))
 
 
 def _say_taken(parts: Sequence[Sequence[int]], views: Sequence[View], why: str) -> str:
