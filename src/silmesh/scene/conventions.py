@@ -148,10 +148,11 @@ def _refuse_cut(attempt: Attempt, found: Normalised) -> None:
 
     Rays that leave the frames contradict nothing, so such cameras may explain all outlines.
     """
-    cut = attempt.figures.get("cut")
+    each = attempt.figures, *attempt.figures.get("of_sets", ())
+    cut = [one["cut"] for one in each if "cut" in one]
     if cut and found.mean < COHERENT:
         raise InputError(
-            f"{cut}. No body fills more than {found.mean:.2f} of the "
+            f"{cut[0]}. No body fills more than {found.mean:.2f} of the "
             f"silhouettes before these cameras (hull IoU; of such photographs at least {COHERENT} "
             "is accepted)"
         )
