@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from silmesh.cameras.sets import CLASH
 from silmesh.errors import InputError, blaming
 from silmesh.settings.fit import refuse_clash
+from silmesh.settings.train import NEW
 from silmesh.silhouettes.tflite import is_tflite
 from silmesh.views import count_array_views, find_images
 
@@ -116,10 +117,11 @@ def refuse_unknown_weights(key: str, name: str, model: str) -> None:
     """Refuse a name of weights that torchvision lacks; DEFAULT it has for each model of its own."""
     if model == "mobilenet_v2":
         raise InputError(
-            f"{key}: {name!r}: torchvision has no weights for {model!r}; should be the path of its "
-            "TFLite file, or of one that `bin/run train` made from that"
+            f"{key}: {name!r}: {model!r} has none of torchvision's weights, and without batch "
+            "normalisation does not learn from random ones; should be the path of its TFLite file, "
+            "or of one that `bin/run train` made from that"
         )
-    if name == "DEFAULT":
+    if name in (NEW, "DEFAULT"):
         return
     from silmesh.silhouettes.network import list_weights
 

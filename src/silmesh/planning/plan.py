@@ -391,9 +391,7 @@ def _refuse_lacking_curves(config: Config, where: str) -> None:
 
 def _refuse_lacking(key: str, weights: str, model: str, promised: bool) -> None:
     """Refuse weights that torchvision lacks, or a file that is not there nor made by this run."""
-    if weights == NEW:
-        return
-    if (file := weights_file(weights)) is None:
+    if weights == NEW or (file := weights_file(weights)) is None:
         refuse_unknown_weights(key, weights, model)
         return
     if promised and file == TRAINED:

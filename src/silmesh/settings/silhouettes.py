@@ -44,7 +44,8 @@ class DeepLab(NetworkSettings):
     weights: WeightsSource = Field(
         "DEFAULT",
         description="torchvision's name of weights, downloaded when first used, or a file, for "
-        "example one that `bin/run train` made, or the TFLite file of mobilenet_v2; relative to the working directory",
+        "example one that `bin/run train` made, or the TFLite file of mobilenet_v2; relative to "
+        "the working directory",
     )
     classes: Literal["any", "dominant"] = Field(
         "any",

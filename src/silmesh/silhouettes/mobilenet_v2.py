@@ -100,7 +100,8 @@ def read_tflite(path: Path) -> dict[str, Any]:
         state[f"{name}.bias"] = torch.from_numpy(held.bias.copy())
     size = max(shape[1:3], default=0)
     names = tuple(map(str, range(classes)))
-    return dict(model=NAME, classes=names, mean=HALF, std=HALF, size=size, state=state)
+    told = {"model": NAME, "classes": names, "mean": HALF, "std": HALF, "size": size}
+    return {**told, "state": state}
 
 
 def _layers(network: nn.Module) -> list[tuple[str, nn.Conv2d, int]]:

@@ -271,9 +271,7 @@ def iou_of(scores: Tensor, truth: Tensor) -> Tensor:
     return both / (found | object_).sum(dim=(1, 2)).clamp(min=1)
 
 
-def normalise(
-    images: Tensor, mean: Sequence[float] = MEAN, std: Sequence[float] = STD
-) -> Tensor:
+def normalise(images: Tensor, mean: Sequence[float] = MEAN, std: Sequence[float] = STD) -> Tensor:
     """Colours in 0..1 as the network takes them: [batch, 3, h, w]."""
     mean, std = (torch.tensor(v)[:, None, None] for v in (mean, std))
     return ((images - mean) / std).contiguous(memory_format=torch.channels_last)
