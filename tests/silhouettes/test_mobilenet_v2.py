@@ -175,7 +175,5 @@ def test_weights_that_are_no_numbers(tmp_path):
 
 
 def test_torchvision_has_no_weights_of_it():
-    with pytest.raises(
-        InputError, match="'DEFAULT' is none of .* there are none; .* a file's path"
-    ):
+    with pytest.raises(InputError, match=r"'DEFAULT' is none .* there are none; .* a file's path"):
         load_weights("DEFAULT", MODEL)

@@ -13,7 +13,7 @@ SAME, VALID = 0, 1
 NONE, RELU, RELU6 = 0, 1, 3
 ADD, POOL, JOIN, CONVOLVE, DEPTHWISE, RESIZE = 0, 1, 2, 3, 4, 23
 OPTIONS = {CONVOLVE: 1, DEPTHWISE: 2, POOL: 5, JOIN: 10, ADD: 11, RESIZE: 15}  # types of options
-# Channels after each block, then its stride and dilation, as the paper and DeepLab's code have them.
+# Channels after each block, then its stride and dilation.
 BLOCKS = [(8, 1, 1), (12, 2, 1), (12, 1, 1), (16, 2, 1), (16, 1, 1), (16, 1, 1), (32, 1, 1)]
 BLOCKS += [(32, 1, 2)] * 3 + [(48, 1, 2)] * 3 + [(80, 1, 2), (80, 1, 4), (80, 1, 4), (160, 1, 4)]
 
