@@ -27,6 +27,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
     args.add_argument("--initial", type=Path, help="init.json of its initial mesh")
     args.add_argument("--notes", type=Path, help="fit.json of the fit")
+    args.add_argument("--relief", type=Path, help="relief.json, if photographs had a say")
+    args.add_argument("--texture", type=Path, help="texture.json of its texture")
     args.add_argument("--truth", type=Path, help="the true mesh, in the cameras' world")
     args.add_argument("--align", action="store_true", help="register the mesh with the truth first")
     add_settings(args, Fit, of="its fit")
@@ -49,6 +51,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         Path(os.path.relpath(given.scene / SILHOUETTES, given.results)).as_posix(),
         read_mesh(given.truth) if given.truth else None,
         given.align,
+        _read_notes(given.relief),
+        _read_notes(given.texture),
     )
     with replacing(given.output) as part:
         part.write_text(json.dumps(metrics, indent=1) + "\n", encoding="utf-8")
