@@ -26,6 +26,7 @@ def evaluate(
     silhouettes: str | None = None,
     truth: trimesh.Trimesh | None = None,
     align: bool = False,
+    voxels: np.ndarray | None = None,
 ) -> dict[str, Any]:
     """Measure a fitted mesh: IoU with its silhouettes, and in 3D where a truth is given.
 
@@ -41,6 +42,7 @@ def evaluate(
         silhouettes: where they lie, as the metrics say it
         truth: the true mesh, in the cameras' world
         align: register the mesh with the truth first
+        voxels: that the truth was made of, as ``silmesh.geometry.voxels`` has them
     Returns:
         the metrics, for JSON: ``docs/metrics.md`` says what each is
     """
@@ -59,8 +61,11 @@ def evaluate(
         "silhouettes": silhouettes,
     }
     if truth is not None:
-        truth = _mirror(truth) if scene.notes.get("mirrored") else truth
-        metrics |= _compare(mesh, truth, align)
+        mirrored = scene.notes.get("mirrored")
+        truth = _mirror(truth) if mirrored else truth
+        if voxels is not None and mirrored:
+            voxels = voxels[:, :, ::-1]
+        metrics |= _compare(mesh, truth, align, voxels)
     metrics["cameras"] = _describe_cameras(scene.notes)
     if initial is not None:
         metrics["first"] = dict(initial)
@@ -103,7 +108,10 @@ def _mirror(truth: trimesh.Trimesh) -> trimesh.Trimesh:
 
 
 def _compare(
-    mesh: trimesh.Trimesh, truth: trimesh.Trimesh, align: bool
+    mesh: trimesh.Trimesh,
+    truth: trimesh.Trimesh,
+    align: bool,
+    voxels: np.ndarray | None,
 ) -> dict[str, bool | float | dict | None]:
     """Compare a mesh to the truth, registered with it first if ``align`` is set."""
     # What only a truth needs: libraries that take half a second of a run without one.
@@ -111,12 +119,12 @@ def _compare(
     from silmesh.evaluation.registration import register
 
     if not align:
-        return compare_to_truth(mesh, truth)
+        return compare_to_truth(mesh, truth, voxels)
     found = register(mesh, truth)
     moved = trimesh.Trimesh(found.apply(mesh.vertices), mesh.faces, process=False)
     placement = {"scale": found.scale, "R": found.R.tolist(), "t": found.t.tolist()}
     registered = {"aligned": True, "scale": found.scale, "placement": placement}
-    return registered | compare_to_truth(moved, truth)
+    return registered | compare_to_truth(moved, truth, voxels)
 
 
 def summarise_iou(values: np.ndarray, held_out: Sequence[int]) -> dict[str, float | None]:
