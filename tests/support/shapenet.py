@@ -20,7 +20,7 @@ BOXES = (
 
 
 def write_class(folder: Path, name: str, scales: tuple[float, ...], split: str = "test") -> None:
-    """Write ``<name>_<split>_images.npz`` and ``_voxels.npz`` of an object of each of these sizes."""
+    """Write ``<name>_<split>_images.npz`` and ``_voxels.npz`` of objects of these sizes."""
     objects = [scale * np.array(BOXES) for scale in scales]
     images = np.stack([np.stack([render(boxes, i) for i in range(24)]) for boxes in objects])
     voxels = np.stack([fill(boxes) for boxes in objects])

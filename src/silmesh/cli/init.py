@@ -72,9 +72,7 @@ def write_project(
     """
     if objects is not None and layout is None:
         names = ", ".join(f"--{name}" for name in LAYOUTS)
-        raise InputError(
-            f"--objects: numbers objects of a published data set; needs one of {names}"
-        )
+        raise InputError(f"--objects: is of a published data set alone; needs one of {names}")
     within = folders_within(folder) if layout is None else []
     if not within and layout is None:
         raise InputError(_explain_none(folder))

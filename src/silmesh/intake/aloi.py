@@ -61,9 +61,8 @@ def _choose_size(folder: Path) -> tuple[Path, Path | None, list[str]]:
             "ALOI's archives of views (aloi_view.tar, aloi_red2_view.tar, aloi_red4_view.tar) have"
         )
     size = next((size for size in sizes if masks[size]), sizes[0])
-    said = [
-        f"not used: {there[other]}: the same at another size" for other in sizes if other != size
-    ]
+    others = [there[other] for other in sizes if other != size]
+    said = [f"not used: {other}: the same at another size" for other in others]
     if not masks[size]:
         said.append(
             f"no folder mask{size}: silhouettes are found by 'threshold'; to use ALOI's masks, "
@@ -87,11 +86,11 @@ def _list_objects(photographs: Path, objects: str | None) -> Sequence[str]:
 
 def _find_fault(name: str, photographs: Path, masks: Path | None) -> str:
     """What is lacking of an object; "" if nothing is."""
-    views = [f"{name}_r{angle}.png" for angle in ANGLES]
-    why, sizes = find_faults("photographs", photographs / name, views)
+    views = [f"_r{angle}.png" for angle in ANGLES]
+    why, sizes = find_faults("photographs", photographs / name, name, views)
     if why or masks is None:
         return why
-    why, drawn = find_faults("masks", masks / name, views)
+    why, drawn = find_faults("masks", masks / name, name, views)
     if not why and drawn != sizes:
         why = (
             f"masks are {describe_sizes(drawn)}, photographs {describe_sizes(sizes)}; "

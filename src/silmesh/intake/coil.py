@@ -39,8 +39,9 @@ def find_rows(folder: Path, objects: str | None) -> Collection:
     found = Collection(size=128)
     numbers = parse_numbers(objects, 1, max(places)) if objects else sorted(places)
     for number in numbers:
-        views = [f"obj{number}__{i * STEP if by_degrees else i}.png" for i in range(VIEWS)]
-        why, _ = find_faults("photographs", places.get(number, folder), views)
+        views = [f"{i * STEP if by_degrees else i}.png" for i in range(VIEWS)]
+        place = places.get(number, folder)
+        why, _ = find_faults("photographs", place, f"obj{number}__", views)
         if why:
             found.lacking[str(number)] = why
         else:
