@@ -79,7 +79,7 @@ def _find_crossed(corners: np.ndarray, axis: int) -> np.ndarray:
         s = (w[:, 0] * v[:, b] - w[:, 1] * v[:, a]) / det
         t = (u[:, a] * w[:, 1] - u[:, b] * w[:, 0]) / det
         met = (s >= 0) & (t >= 0) & (s + t <= 1)
-    height = (p + s[:, None] * u + t[:, None] * v)[met, axis]
+    height = p[met, axis] + s[met] * u[met, axis] + t[met] * v[met, axis]
     cells = np.empty((4, met.sum(), 3), np.int64)
     cells[..., axis] = np.floor(height)
     for i, (back_a, back_b) in enumerate([(0, 0), (1, 0), (0, 1), (1, 1)]):

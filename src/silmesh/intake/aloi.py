@@ -15,7 +15,7 @@ import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from silmesh.errors import InputError
+from silmesh.errors import InputError, blaming
 from silmesh.intake.unpacked import Collection, Row, describe_sizes, find_faults
 from silmesh.naming import natural_key
 from silmesh.planning.datasets import to_name, usable
@@ -80,7 +80,8 @@ def _folders(folder: Path, name: str) -> Iterator[Path]:
 
 def _list_objects(photographs: Path, objects: str | None) -> Sequence[str]:
     if objects is not None:
-        return [str(number) for number in parse_numbers(objects, 1, OBJECTS)]
+        with blaming("--objects"):
+            return [str(number) for number in parse_numbers(objects, 1, OBJECTS)]
     return sorted((path.name for path in photographs.iterdir() if path.is_dir()), key=natural_key)
 
 

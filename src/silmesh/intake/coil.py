@@ -14,11 +14,12 @@ import re
 from collections import defaultdict
 from pathlib import Path
 
-from silmesh.errors import InputError
+from silmesh.errors import InputError, blaming
 from silmesh.intake.unpacked import Collection, Row, find_faults
 from silmesh.planning.datasets import usable
 from silmesh.planning.numbers import parse_numbers
 
+OBJECTS = 100  # of the larger library
 VIEWS = 72
 STEP = 360 // VIEWS  # degrees from one view to the next
 NAME = re.compile(r"obj(\d{1,4})__(\d{1,3})\.png", re.ASCII)
@@ -37,7 +38,8 @@ def find_rows(folder: Path, objects: str | None) -> Collection:
     """
     places, by_degrees = _find_objects(folder)
     found = Collection(size=128)
-    numbers = parse_numbers(objects, 1, max(places)) if objects else sorted(places)
+    with blaming("--objects"):
+        numbers = parse_numbers(objects, 1, OBJECTS) if objects else sorted(places)
     for number in numbers:
         views = [f"{i * STEP if by_degrees else i}.png" for i in range(VIEWS)]
         place = places.get(number, folder)
