@@ -3,12 +3,15 @@
 import numpy as np
 import pytest
 import trimesh
-from support.shapenet import BOXES, fill, render
+from support.shapenet import BOXES, fill, render, write_class
 
 from silmesh.cameras.turntable import turntable_cameras
-from silmesh.geometry.mesh_files import to_tensors
+from silmesh.evaluation.ground_truth import compare_to_truth
+from silmesh.geometry.mesh_files import read_mesh, to_tensors
 from silmesh.geometry.silhouette_iou import silhouette_iou
 from silmesh.geometry.voxels import mesh_voxels, voxel_iou, voxelise
+from silmesh.reading import read_voxels
+from silmesh.steps import truth
 
 OURS = np.array([1.0, 1.0, -1.0])  # from SoftRas's left-handed world
 
@@ -66,3 +69,14 @@ def test_the_mesh_of_voxels_is_closed_and_as_large_as_they_are():
     assert mesh.volume * 31**3 == pytest.approx(full.sum(), rel=0.05)
     points = (np.argwhere(full)[::7] + 0.5 - 16) / 31
     assert mesh.contains(points[:, [1, 0, 2]]).all()
+
+
+def test_the_truth_of_an_archive_and_its_metrics(tmp_path):
+    write_class(tmp_path, "02691156", (0.7, 1.0))
+    path = tmp_path / "02691156_test_voxels.npz#1"
+    truth.main(["--mesh", str(path), "--output", str(tmp_path / "truth.ply")])
+    mesh = read_mesh(tmp_path / "truth.ply")
+    found = compare_to_truth(true_mesh(), mesh, read_voxels(path))
+    assert found["voxel_iou"] == 1.0
+    assert found["chamfer"] < 1 / 31  # half a voxel all round
+    assert "voxel_iou" not in compare_to_truth(mesh, mesh)
