@@ -33,6 +33,12 @@ def said_of(folder, *args):
     return list(write_project(folder, True, *args))
 
 
+def refusal_of(folder):
+    with pytest.raises(InputError) as caught:
+        said_of(folder)
+    return str(caught.value)
+
+
 @pytest.mark.parametrize("size", [1, 2, 4])
 @pytest.mark.parametrize("within", [("", ""), ("aloi_view", "aloi_mask")])
 def test_aloi_of_every_size_and_place(tmp_path, size, within):
@@ -121,8 +127,17 @@ def test_coil_in_one_folder_or_in_one_each(tmp_path, views, place):
 
 def test_coil_is_recognised(tmp_path):
     draw(tmp_path, ["obj1__0.png"])
-    with pytest.raises(InputError, match="named as COIL's; `silmesh init --coil"):
-        said_of(tmp_path)
+    assert "`silmesh init --coil" in refusal_of(tmp_path)
+
+
+def test_aloi_is_recognised(tmp_path):
+    unpack_aloi(tmp_path / "aloi_red2_view", [1])
+    assert "`silmesh init --aloi" in refusal_of(tmp_path)
+
+
+def test_shapenet_is_recognised(tmp_path):
+    write_class(tmp_path, "02691156", (1.0,))
+    assert "`silmesh init --shapenet" in refusal_of(tmp_path)
 
 
 def test_shapenet_is_a_row_a_class(tmp_path):
@@ -131,7 +146,7 @@ def test_shapenet_is_a_row_a_class(tmp_path):
     (tmp_path / "03001627_test_voxels.npz").unlink()
     assert said_of(tmp_path, "shapenet")[:4] == [
         "02691156_test: 3 objects",
-        "03001627_test: 1 objects",
+        "03001627_test: 1 object",
         "03001627_test: no truth: 03001627_test_voxels.npz is not there",
         "2 rows: silhouettes alpha, cameras turntable",
     ]

@@ -50,7 +50,7 @@ variants:                         # experiments by name; each object runs every 
     fit: {preset: fast}           # or softras: the report's procedure, slow
 """
 PROFILE = Path("profiles/default/config.yaml")
-LAYOUTS = {"aloi": aloi.find_rows, "coil": coil.find_rows, "shapenet": shapenet.find_rows}
+LAYOUTS = {"aloi": aloi, "coil": coil, "shapenet": shapenet}  # of published data sets
 
 
 def write_project(
@@ -81,7 +81,7 @@ def write_project(
         raise InputError(f"{', '.join(there)}: is there already; --force overwrites it")
     for path in made:
         try_file(path)
-    found = LAYOUTS[layout](folder, objects) if layout else _collect(within, folder)
+    found = LAYOUTS[layout].find_rows(folder, objects) if layout else _collect(within, folder)
     yield from found.tell()
     yield from _count(found.rows) if layout else ()
     profile = (find_snakefile().parent / "workflow" / PROFILE).read_text(encoding="utf-8")
@@ -95,11 +95,12 @@ def write_project(
 
 def _explain_none(folder: Path) -> str:
     """What to say of a folder without folders of photographs."""
-    if coil.holds_objects(folder):
-        return (
-            f"{folder}: holds photographs of several objects, named as COIL's; "
-            f"`silmesh init --coil {quote(folder)}` makes a table of them"
-        )
+    for name, layout in LAYOUTS.items():
+        if layout.recognise(folder):
+            return (
+                f"{folder}: is laid out as a published data set; "
+                f"`silmesh init --{name} {quote(folder)}` makes a table of its objects"
+            )
     return (
         f"{folder}: has no folders with photographs, one for each object; "
         f"`silmesh {quote(folder)} -o mesh.glb` makes the one of a folder of photographs"

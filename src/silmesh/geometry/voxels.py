@@ -19,7 +19,6 @@ as it is in ours, its mirror image (``silmesh.cameras.turntable``).
 import numpy as np
 import trimesh
 from scipy.ndimage import binary_fill_holes
-from skimage.measure import marching_cubes
 
 SIDE = 32  # voxels along an axis
 
@@ -50,6 +49,8 @@ def mesh_voxels(full: np.ndarray) -> trimesh.Trimesh:
     Args:
         full: [32, 32, 32] bool, in the order y, x, z
     """
+    from skimage.measure import marching_cubes  # slow to load for those who only compare
+
     padded = np.pad(full.swapaxes(0, 1), 1).astype(np.float32)
     verts, faces, _, _ = marching_cubes(padded, 0.5, gradient_direction="ascent")
     centred = verts - 1 + 0.5 - SIDE / 2  # of an array's corner, whose voxel's middle is at 0.5

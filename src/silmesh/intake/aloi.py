@@ -50,6 +50,11 @@ def find_rows(folder: Path, objects: str | None) -> Collection:
     return found
 
 
+def recognise(folder: Path) -> bool:
+    """Whether ALOI's photographs lie in a folder."""
+    return any(any(_folders(folder, f"png{size}")) for size in SIZES)
+
+
 def _choose_size(folder: Path) -> tuple[Path, Path | None, list[str]]:
     """The folders of photographs and of masks: of the largest that have masks, else the largest."""
     there = {size: next(_folders(folder, f"png{size}"), None) for size in SIZES}

@@ -39,7 +39,7 @@ def find_rows(folder: Path, objects: str | None) -> Collection:
     places, by_degrees = _find_objects(folder)
     found = Collection(size=128)
     with blaming("--objects"):
-        numbers = parse_numbers(objects, 1, OBJECTS) if objects else sorted(places)
+        numbers = parse_numbers(objects, 1, OBJECTS) if objects is not None else sorted(places)
     for number in numbers:
         views = [f"{i * STEP if by_degrees else i}.png" for i in range(VIEWS)]
         place = places.get(number, folder)
@@ -52,7 +52,7 @@ def find_rows(folder: Path, objects: str | None) -> Collection:
     return found
 
 
-def holds_objects(folder: Path) -> bool:
+def recognise(folder: Path) -> bool:
     """Whether photographs that are named as COIL's lie in a folder."""
     return any(NAME.fullmatch(name) for name in os.listdir(folder))
 

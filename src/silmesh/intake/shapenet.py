@@ -33,19 +33,24 @@ def find_rows(folder: Path, objects: str | None) -> Collection:
         )
     found = Collection(size=IMAGES[-1])
     for name in files:
-        with blaming(f"--objects: {folder / name}" if objects else folder):
-            row, count = _describe(name, folder, objects)
+        row, count = _describe(name, folder, objects)
         found.rows.append(row)
-        found.said.append(f"{row['object']}: {count:,} objects")
+        found.said.append(f"{row['object']}: {count:,} object{'s' * (count > 1)}")
         if "truth" not in row:
             found.said.append(f"{row['object']}: no truth: {row['object']}{TRUTH} is not there")
     return found
 
 
+def recognise(folder: Path) -> bool:
+    """Whether files of renderings lie in a folder."""
+    return any(folder.glob(f"*{ENDING}"))
+
+
 def _describe(name: str, folder: Path, objects: str | None) -> tuple[Row, int]:
     """The row of a class, and how many objects it stands for."""
     count = count_objects(folder / usable(Path(name)), IMAGES)
-    numbers = parse_numbers(objects, 0, count - 1) if objects else range(count)
+    with blaming(f"--objects: {folder / name}"):
+        numbers = parse_numbers(f"0-{count - 1}" if objects is None else objects, 0, count - 1)
     row = {
         "object": to_name(name.removesuffix(ENDING)),
         "images": f"{name}#{write_numbers(numbers)}",

@@ -129,13 +129,14 @@ METRICS = (
     ),
 )
 OVERVIEW = ("iou_mean", "iou_min", "hull_iou_mean", "loss_final", "iterations", "fit_seconds")
+# Shown if any run has them.
 TRUTH = (
     "chamfer",
     "f_score",
     "volume_iou",
     "voxel_iou",
     "normal_consistency",
-)  # shown if any run has them
+)
 
 
 def show(value: Any, metric: Metric) -> str:
