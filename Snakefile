@@ -15,7 +15,7 @@ from silmesh.planning.plan import Plan
 from silmesh.planning.provenance import code_digest as digest_code
 from silmesh.planning.provenance import file_digest, read_digest
 from silmesh.settings.cameras import Features, Matches, Reconstruction
-from silmesh.settings.fit import AUTO, SoftRasFit
+from silmesh.settings.fit import AUTO, SoftRasFit, is_photometric
 from silmesh.settings.silhouettes import FOREGROUND_MODELS, WEIGHTS
 from silmesh.settings.train import TRAINED
 from silmesh.synthetic.layout import is_promised, photograph_names, promised_files
@@ -39,6 +39,8 @@ RESULTS = (
     "loss.csv",
     "metrics.json",
 )
+# Beside the mesh of a run with a texture.
+COMPANIONS = ("mesh.mtl", "mesh.png", "coloured.ply", "texture.json")
 
 
 # Read strictly first: Snakemake would take the last of two equal keys in silence.
@@ -108,6 +110,7 @@ rule all:
     input:
         "results/report/report.html",
         [every_run(f"results/{{}}/{{}}/{name}") for name in RESULTS],
+        [every_textured(f"results/{{}}/{{}}/{name}") for name in COMPANIONS],
 
 
 include: "workflow/rules/synthetic.smk"
@@ -121,6 +124,8 @@ include: "workflow/rules/truth.smk"
 include: "workflow/rules/train.smk"
 include: "workflow/rules/initial.smk"
 include: "workflow/rules/fit.smk"
+include: "workflow/rules/relief.smk"
 include: "workflow/rules/colour.smk"
+include: "workflow/rules/texture.smk"
 include: "workflow/rules/evaluate.smk"
 include: "workflow/rules/report.smk"

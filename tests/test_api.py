@@ -24,6 +24,7 @@ COMMAND = "from silmesh.cli.main import main; main(prog_name='silmesh')"
 CONFIG = f"""\
 datasets: datasets.tsv
 views: {{size: {SIZE}}}
+texture: {{size: auto}}
 variants:
   mesh:
     init: {{shape: hull}}
@@ -56,7 +57,9 @@ def python(code: str, cwd: Path, *arguments: str) -> str:
 
 
 def digest(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest()
+    """Of what is in a file, but for its own name, by which an OBJ names what is beside it."""
+    content = file.read_bytes().replace(file.stem.encode() + b".", b"own.")
+    return hashlib.sha256(content).hexdigest()
 
 
 def test_nothing_heavy_is_loaded_before_a_name_is_used(tmp_path):
@@ -109,22 +112,23 @@ def test_python_command_and_workflow_give_the_same_mesh(photos, tmp_path):
     python(
         "import json, silmesh\n"
         f"result = silmesh.reconstruct('photos', size={SIZE}, **{KNOWN})\n"
-        "result.save('api.glb'), result.save('api.obj')\n"
+        "[result.save(f'api.{kind}') for kind in ('glb', 'obj', 'ply')]\n"
         "json.dump(result.metrics, open('api.json', 'w'))",
         tmp_path,
     )
     options = ["--cameras", "turntable", "--turntable", KNOWN["turntable"], "--size", str(SIZE)]
     words = ["-c", COMMAND, "photos", *options, "--cores", "1"]
-    python("", tmp_path, *words, "-o", "command.glb")
-    python("", tmp_path, *words, "-o", "command.obj")
+    for kind in ("glb", "obj", "ply"):
+        python("", tmp_path, *words, "-o", f"command.{kind}")
     (tmp_path / "config.yaml").write_text(CONFIG)
     (tmp_path / "datasets.tsv").write_text(TABLE.format(KNOWN["turntable"]))
     made = [f"results/cup/mesh/mesh.{kind}" for kind in ("glb", "obj")]
     workflow = ["-m", "snakemake", "--snakefile", str(find_snakefile()), "--cores", "1"]
     python("", tmp_path, *workflow, "--configfile", "config.yaml", "--", *made)
-    for kind in ("glb", "obj"):
+    for kind in ("glb", "obj", "mtl", "png"):
         files = [f"api.{kind}", f"command.{kind}", f"results/cup/mesh/mesh.{kind}"]
         assert len({digest(tmp_path / file) for file in files}) == 1, kind
+    assert digest(tmp_path / "api.ply") == digest(tmp_path / "command.ply")
 
 
 @pytest.mark.slow
@@ -140,3 +144,22 @@ def test_the_examples_of_the_docs_run(photos, tmp_path):
     mean, *fell = python(examples[1] + check, tmp_path).split()
     assert float(mean) > 0.9
     assert fell == ["True", "True"]
+
+
+def test_photographs_that_show_nothing_leave_the_surface(photos):
+    shown = silmesh.read_photographs(photos, size=SIZE)
+    scene = silmesh.find_cameras(
+        shown, silmesh.find_silhouettes(shown), KNOWN["cameras"], turntable=KNOWN["turntable"]
+    )
+    initial = silmesh.initial_mesh(scene, vertices=200)
+    fitted = silmesh.fit(initial, scene, iterations=2)
+    refined = silmesh.refine(fitted, scene, shown)
+    assert refined.mesh is fitted.mesh
+    assert "show nothing within the outlines" in refined.relief["said"]
+    metrics = silmesh.evaluate(refined, scene)
+    assert metrics["surface"]["photographs"] == 0
+    assert sum(metrics["surface"].values()) == pytest.approx(1)
+    assert len(refined.standing) == len(refined.mesh.vertices)
+    report = silmesh.fit(initial, scene, preset="softras", iterations=2)
+    with pytest.raises(InputError, match="only after 'fast'"):
+        silmesh.refine(report, scene, shown)

@@ -18,6 +18,7 @@ FLOORS = (  # from the lowest
     {"softras"},
     {"geometry"},
     {"silhouettes", "cameras", "shapes", "texture"},
+    {"relief"},
     {"scene", "synthetic", "training"},
     {"fitting", "evaluation"},
     {"report"},

@@ -255,7 +255,12 @@ COMMANDS = {
     "fit": f"--initial first.ply --scene judged {FIT}"
     " --threads 1 --checkpoint state.pt --meshes mesh.ply --cameras fitted.json --loss loss.csv"
     " --notes fit.json",
+    "relief": f"--mesh mesh.ply --cameras fitted.json --scene judged --views views --fit fit.json"
+    f" {FIT} --threads 1 --output refined.ply --standing standing.npy --notes relief.json",
     "colour": "--mesh mesh.ply --cameras fitted.json --scene judged --meshes mesh.obj mesh.glb",
+    "texture": "--mesh mesh.ply --cameras fitted.json --scene judged --views views"
+    ' --settings {"size":64} --threads 1 --output textured.obj --material textured.mtl --image'
+    " textured.png --glb textured.glb --coloured coloured.ply --notes texture.json",
     "evaluate": "--mesh mesh.ply --cameras fitted.json --loss loss.csv --scene judged --initial"
     f" init.json --notes fit.json {FIT} --threads 1 --results . --output metrics.json",
     "rings": "--scene judged --threads 1 --output rings.png",

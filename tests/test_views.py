@@ -20,6 +20,7 @@ from silmesh.views import (
     read_image,
     read_photographs,
     read_views,
+    refuse_changed,
     write_views,
 )
 
@@ -500,3 +501,32 @@ def test_a_program_that_draws_is_not_run(tmp_path):
     (tmp_path / "a.eps").rename(tmp_path / "a.png")
     with pytest.raises(InputError, match=r"a\.png: .* it is a program that draws one \(EPS\)"):
         read_image(tmp_path / "a.png")
+
+
+def test_photographs_as_they_were_pass_and_others_are_named(tmp_path):
+    lying = Image.fromarray(RGB)
+    turned = Image.Exif()
+    turned[0x0112] = 6  # to be turned by 90 degrees
+    files = [tmp_path / "a.png", tmp_path / "b.jpg", tmp_path / "c.tif", tmp_path / "d.webp"]
+    lying.save(files[0])
+    for file in files[1:]:
+        lying.save(file, exif=turned)
+    views = write_views(files, 16, "pad", tmp_path / "views")
+    assert [(view.width, view.height) for view in views] == [(8, 6), (6, 8), (6, 8), (6, 8)]
+    refuse_changed(views)
+    lying.save(files[1])
+    with pytest.raises(InputError, match=r"b\.jpg: has 8x6 pixels, and had 6x8 when its working"):
+        refuse_changed(views)
+    files[0].unlink()
+    with pytest.raises(InputError, match=r"a\.png: cannot be read as an image: No such file"):
+        refuse_changed(views)
+
+
+def test_an_array_as_it_was_passes(tmp_path):
+    file = tmp_path / "a.npy"
+    np.save(file, np.zeros((2, 4, 6, 8), np.uint8))
+    views = write_views([file], 16, "pad", tmp_path / "views")
+    refuse_changed(views)
+    np.save(file, np.zeros((2, 4, 8, 8), np.uint8))
+    with pytest.raises(InputError, match=r"a\.npy: has 8x8 pixels, and had 8x6"):
+        refuse_changed(views)

@@ -13,6 +13,7 @@ from typing import Any
 os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 __all__ = [
+    "bake",
     "colour",
     "evaluate",
     "find_cameras",
@@ -21,6 +22,7 @@ __all__ = [
     "initial_mesh",
     "read_photographs",
     "reconstruct",
+    "refine",
 ]
 
 

@@ -1,3 +1,4 @@
+from silmesh.api import bake as bake
 from silmesh.api import colour as colour
 from silmesh.api import evaluate as evaluate
 from silmesh.api import find_cameras as find_cameras
@@ -6,3 +7,4 @@ from silmesh.api import fit as fit
 from silmesh.api import initial_mesh as initial_mesh
 from silmesh.api import read_photographs as read_photographs
 from silmesh.api import reconstruct as reconstruct
+from silmesh.api import refine as refine

@@ -11,7 +11,9 @@ Stages follow one another:
     scene = silmesh.find_cameras(photographs, found)
     initial = silmesh.initial_mesh(scene)
     fitted = silmesh.fit(initial, scene)
-    mesh, metrics = silmesh.colour(fitted, scene), silmesh.evaluate(fitted, scene, initial)
+    fitted = silmesh.refine(fitted, scene, photographs)
+    texture = silmesh.bake(fitted, scene, photographs)
+    mesh, metrics = texture.mesh, silmesh.evaluate(fitted, scene, initial, texture=texture)
 
 World   of a scene: normalised, y up, the object in the sphere of radius 0.5 about the origin; of
         what a fit gives: the cameras' own. Cameras are OpenCV's (``silmesh.geometry.camera``).
@@ -34,12 +36,22 @@ from silmesh.cameras.locate import locate
 from silmesh.cameras.sets import CLASH, find_sets
 from silmesh.errors import InputError, name_some
 from silmesh.evaluation import metrics
+from silmesh.evaluation.texturing import make_texture
 from silmesh.fitting.fit import Fitted
 from silmesh.fitting.loop import Record
+from silmesh.fitting.photometric import refine_by_photographs
 from silmesh.fitting.robust_fit import fit_robustly
 from silmesh.fitting.trial import trial_with
 from silmesh.geometry.camera import INITIAL_SCALE, OBJECT_RADIUS, Cameras
 from silmesh.geometry.mesh_files import read_mesh, write_coloured
+from silmesh.geometry.obj_companions import name_companions, try_companions
+from silmesh.geometry.textured_mesh import (
+    encode_png,
+    has_texture,
+    texture_mesh,
+    write_textured_glb,
+    write_textured_obj,
+)
 from silmesh.geometry.thresholds import CONVINCING
 from silmesh.intake.arguments import (
     checked,
@@ -47,7 +59,7 @@ from silmesh.intake.arguments import (
     refuse_cameras,
     refuse_empty_mesh,
 )
-from silmesh.intake.photographs import find_masks, find_photographs, is_video
+from silmesh.intake.photographs import find_longest, find_masks, find_photographs, is_video
 from silmesh.intake.sources import choose_cameras, choose_silhouettes, look
 from silmesh.naming import match_masks
 from silmesh.progress import Share, untold
@@ -56,10 +68,12 @@ from silmesh.scene.judged import judge_scene
 from silmesh.scene.scene import Scene
 from silmesh.settings.cameras import Calibrate, Colmap
 from silmesh.settings.check import check
-from silmesh.settings.fit import Fit, SoftRasFit
+from silmesh.settings.detail import NORMAL, choose_detail
+from silmesh.settings.fit import FastFit, Fit, SoftRasFit, is_photometric, name_fit
 from silmesh.settings.init import Init
 from silmesh.settings.quality import Quality
 from silmesh.settings.silhouettes import FOREGROUND_MODELS, Networks, check_source
+from silmesh.settings.texture import Texture
 from silmesh.settings.turntable import parse_turntable
 from silmesh.settings.views import Views
 from silmesh.shapes.initial import Initial, make_initial_mesh, take_mesh
@@ -67,7 +81,7 @@ from silmesh.silhouettes import Found
 from silmesh.silhouettes import find_silhouettes as find_each
 from silmesh.silhouettes.mask import refuse_labels
 from silmesh.texture.vertex_colours import colour_vertices
-from silmesh.views import View, in_order, make_views, stack_pictures
+from silmesh.views import Pictures, View, in_order, make_views
 
 Paths = str | Path | Sequence[str | Path]
 CameraSource = str | Path | Cameras
@@ -77,6 +91,7 @@ SECTIONS = {  # of the configuration
     "calibrate": Calibrate,
     "colmap": Colmap,
     "quality": Quality,
+    "texture": Texture,
     "init": Init,
     "fit": Fit,
 }
@@ -120,11 +135,26 @@ class Silhouettes(Found):
 
 
 @dataclass(frozen=True)
+class Baked:
+    """A mesh with its texture.
+
+    Attributes:
+        mesh: with ``TextureVisuals``, its vertices split where charts of the texture end
+        notes: as ``texture.json`` has them
+    """
+
+    mesh: trimesh.Trimesh
+    notes: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
 class Reconstruction:
     """What became of photographs.
 
     Attributes:
-        mesh: with the colours of its vertices, in the cameras' world
+        mesh: with its texture, or with the colours of its vertices if none was asked for, in the
+            cameras' world
+        coloured: the mesh with the colours of its vertices
         cameras: of the fitted views, as ``cameras.json`` has them
         silhouettes: [views, size, size] bool, in the order of the cameras
         metrics: as ``metrics.json`` has them; ``silhouettes``, a folder there, is None
@@ -134,6 +164,7 @@ class Reconstruction:
     """
 
     mesh: trimesh.Trimesh
+    coloured: trimesh.Trimesh
     cameras: Cameras
     silhouettes: np.ndarray
     metrics: Mapping[str, Any]
@@ -145,13 +176,16 @@ class Reconstruction:
     def save(self, path: str | Path) -> None:
         """Write the mesh as the workflow does, ``.glb`` or ``.obj``, or as ``.ply`` or ``.stl``.
 
+        An OBJ with a texture has its MTL and its PNG beside it, which are named like it. PLY has
+        colours of the vertices.
+
         Raises:
-            InputError: the ending names none of these formats
+            InputError: the ending names none of these formats, or a file that silmesh did not make
+                is where the MTL or the PNG belongs
         """
         if Path(path).suffix.lower() not in WRITTEN:
             raise InputError(f"{path}: should end in {', '.join(WRITTEN)}, which names the format")
-        colours = np.asarray(self.mesh.visual.vertex_colors)[:, :3]
-        write_coloured([Path(path)], self.mesh, colours)
+        _write(Path(path), self.mesh, self.coloured)
 
 
 @checked
@@ -163,10 +197,13 @@ def reconstruct(
     silhouettes: str | None = None,
     turntable: str = "",
     sets: str = "",
-    size: int = 256,
+    detail: str = NORMAL,
+    size: int | None = None,
     init: str = HULL,
     preset: str = "fast",
     quality: str = "auto",
+    photometric: str | bool | None = None,
+    texture: str | int = "auto",
     truth: trimesh.Trimesh | str | Path | None = None,
     settings: Mapping[str, Mapping[str, Any]] | None = None,
     progress: Callable[[str, float], None] = lambda stage, share: None,
@@ -186,10 +223,15 @@ def reconstruct(
         sets: of photographs between which the object was turned over, as globs of view names or as
             folders, ``upright_*;turned_*``; found, where one turntable explains not all, if not
             given; used by ``calibrate`` and ``auto``, and refused with ``turntable``
-        size: side of the working images, in pixels
+        detail: ``draft``: small and quick; ``normal``; ``high``: the photographs' own size, as far
+            as 8 GiB reach
+        size: side of the working images, in pixels; that of ``detail`` if not given
         init: shape of the initial mesh, or a function of your own
         preset: of the fit, ``fast`` or ``softras``, or a function of your own
         quality: what is done with outliers: ``auto``, ``keep``, ``drop`` or ``repair``
+        photometric: ``auto`` moves the surface to where the photographs agree, if that is better;
+            False does not; ``auto`` with the preset ``fast`` if not given, others never have it
+        texture: pixels of its side; ``auto`` by the photographs; 0 for colours of the vertices
         truth: the true mesh, or its file, in the frame of the cameras; metrics compare with it
         settings: more of the configuration by its sections, as ``{"fit": {"iterations": 300}}``
         progress: is told each stage's name and which share of it is done
@@ -197,12 +239,16 @@ def reconstruct(
     Raises:
         InputError: what is given cannot be used, or no cameras agree with the silhouettes
     """
-    named = {"views": {"size": size}, "init": {"shape": init}}
-    named |= {"fit": {"preset": preset}, "quality": {"policy": quality}}
-    sections = _check_sections(settings or {}, named)
-    known = _read_truth(truth)  # before the work
     beside = [path for path in (masks, cameras) if isinstance(path, str | Path)]
     files, notes, video = _find_files(photographs, beside, bool(sets))
+    longest = find_longest(files) if detail != NORMAL else 0
+    chosen = choose_detail(detail, longest, len(files), size, preset=preset).settings
+    named = {"views": chosen["views"], "init": {"shape": init}, "quality": {"policy": quality}}
+    named["fit"] = {**name_fit(preset, photometric), **chosen.get("fit", {})}
+    named["texture"] = {"size": texture}
+    sections = _check_sections(settings or {}, named)
+    wanted = _check("texture", sections["texture"])
+    known = _read_truth(truth)  # before the work
     origin = _SilhouetteSource(files, masks, silhouettes)
     policy, fewest = _policy(origin.source, sections["quality"])
     shown = _read(files, notes, video, sections["views"], policy, fewest, _tell(progress, "views"))
@@ -221,11 +267,17 @@ def reconstruct(
     )
     initial = initial_mesh(scene, **sections["init"], progress=_tell(progress, "initial mesh"))
     fitted = fit(initial, scene, **sections["fit"], progress=_tell(progress, "fit"))
+    if is_photometric(fitted.settings):
+        fitted = refine(fitted, scene, shown, progress=_tell(progress, "relief"))
+    baked, coloured = None, colour(fitted, scene)
+    if wanted.wanted:
+        baked = bake(fitted, scene, shown, wanted.size, progress=_tell(progress, "texture"))
     return Reconstruction(
-        colour(fitted, scene),
+        baked.mesh if baked else coloured,
+        coloured,
         fitted.cameras,
         scene.silhouettes,
-        evaluate(fitted, scene, initial, known),
+        evaluate(fitted, scene, initial, known, baked),
         fitted.records,
         initial,
         scene,
@@ -411,11 +463,47 @@ def fit(
 
 
 @checked
+def refine(
+    fitted: Fitted, scene: Scene, photographs: Photographs, *, progress: Share = untold
+) -> Fitted:
+    """Move a fitted surface to where the photographs agree, if some that are kept out confirm it.
+
+    Args:
+        scene: that it was fitted to
+        photographs: that the scene was made of, read again at their own size
+        progress: is told which share is done
+    Returns:
+        the same with another ``mesh``, or with the same; with ``relief``, what was found, and
+        ``standing``, what each vertex stands on
+
+    Raises:
+        InputError: the fit is not of the preset ``fast``
+    """
+    _refuse_other_views(fitted, scene)
+    if not isinstance(fitted.settings, FastFit):
+        raise InputError(
+            f"fitted: is of the preset {fitted.settings.preset!r}; photographs have a say only "
+            "after 'fast'"
+        )
+    found = refine_by_photographs(
+        fitted.mesh,
+        fitted.cameras,
+        scene,
+        photographs.views,
+        fitted.settings,
+        fitted.notes,
+        progress,
+    )
+    return replace(fitted, mesh=found.mesh, relief=found.notes, standing=found.standing)
+
+
+@checked
 def evaluate(
     fitted: Fitted,
     scene: Scene,
     initial: Initial | None = None,
     truth: trimesh.Trimesh | str | Path | None = None,
+    texture: Baked | None = None,
 ) -> dict[str, Any]:
     """Measure a fitted mesh: the content of ``metrics.json``, described in ``docs/metrics.md``.
 
@@ -425,6 +513,8 @@ def evaluate(
         initial: of which the metrics say how it was made
         truth: the true mesh, or its file, in the frame of the cameras; the mesh is first registered
             with it if the cameras were found from the photographs
+        texture: by ``bake``, of which the metrics say how well it shows photographs that were held
+            out
 
     Raises:
         InputError: the truth cannot be read
@@ -443,6 +533,8 @@ def evaluate(
         fitted.notes,
         truth=known,
         align=estimated,
+        relief=fitted.relief,
+        texture=texture.notes if texture else None,
     )
 
 
@@ -455,10 +547,61 @@ def colour(fitted: Fitted, scene: Scene) -> trimesh.Trimesh:
         mesh.vertices,
         mesh.faces,
         cameras,
-        stack_pictures(scene.images, cameras.views),
+        Pictures(scene.images, cameras.views),
         scene.silhouettes,
     )
     return trimesh.Trimesh(mesh.vertices, mesh.faces, vertex_colors=colours, process=False)
+
+
+@checked
+def bake(
+    fitted: Fitted,
+    scene: Scene,
+    photographs: Photographs,
+    size: str | int = "auto",
+    *,
+    progress: Share = untold,
+) -> Baked:
+    """The fitted mesh with a texture, from the photographs at their own size.
+
+    Args:
+        scene: that it was fitted to
+        photographs: whose files are read again
+        size: pixels of its side; ``auto`` is as large as the photographs tell apart
+        progress: is told which share is done
+
+    Raises:
+        InputError: the size is none, or a photograph is not there any more or was changed
+    """
+    _refuse_other_views(fitted, scene)
+    wanted = _check("texture", {"size": size})
+    if not wanted.wanted:
+        raise InputError("texture.size: 0 is no texture; silmesh.colour gives colours of vertices")
+    baked = make_texture(
+        fitted.mesh,
+        fitted.cameras,
+        photographs.views,
+        scene.notes.get("lenses"),
+        scene.silhouettes,
+        wanted,
+        fitted.settings.holdout,
+        progress,
+    )
+    mesh = texture_mesh(baked.verts, baked.faces, baked.uv, baked.image)
+    return Baked(mesh, baked.notes)
+
+
+def _write(path: Path, mesh: trimesh.Trimesh, coloured: trimesh.Trimesh) -> None:
+    """Write a mesh with its texture where the format has one, else with colours of its vertices."""
+    kind = path.suffix.lower()
+    if not has_texture(mesh) or kind not in (".glb", ".obj"):
+        colours = np.asarray(coloured.visual.vertex_colors)[:, :3]
+        write_coloured([path], coloured, colours)
+    elif kind == ".glb":
+        write_textured_glb(path, mesh, encode_png(mesh))
+    else:
+        try_companions(path)
+        write_textured_obj(path, mesh, encode_png(mesh), *name_companions(path))
 
 
 def _read_truth(truth: trimesh.Trimesh | str | Path | None) -> trimesh.Trimesh | None:

@@ -30,6 +30,8 @@ PROGRAMS = ("EPS", "WMF")  # formats that are programs, which Pillow has another
 # Images of more than SMALL pixels may have at most PACKED pixels a byte of their file, which is
 # what deflate reaches for equal pixels of one bit.
 SMALL, PACKED = 10_000_000, 8 * 1032
+ORIENTATION, SIDEWAYS = 0x0112, (5, 6, 7, 8)  # the EXIF tag, and its values that turn by 90 degrees
+LARGE = 1024  # pixels a side: larger images are written with little compression
 GROUND = 124  # grey level of the working image of a photograph that cannot be read
 
 
@@ -304,6 +306,36 @@ def read_photograph(view: View, least: tuple[int, int] | None = None) -> Image.I
     return read_image(source, least)
 
 
+def refuse_changed(views: Sequence[View]) -> None:
+    """Refuse views whose photographs are not there any more, or are of another size.
+
+    Mostly only the heads of the files are read.
+
+    Raises:
+        InputError: it names the file
+    """
+    for view in views:
+        if not view.unreadable and (size := _measure(view)) != (view.width, view.height):
+            raise InputError(
+                f"{view.source}: has {size[0]}x{size[1]} pixels, and had {view.width}x"
+                f"{view.height} when its working image was made; should be the photograph that it "
+                "was, or all be made anew"
+            )
+
+
+def _measure(view: View) -> tuple[int, int]:
+    """Width and height of a view's photograph, upright."""
+    source = Path(view.source)
+    if source.suffix == ".npy":
+        return _open_array(source).shape[:1:-1]
+    with reading(source, "an image"), open_image(source) as opened:
+        size, kind = opened.size, opened.format
+        turned = opened.getexif().get(ORIENTATION, 1) in SIDEWAYS
+    if turned and kind == "TIFF":  # whose size some versions of Pillow turn as they open it
+        return read_image(source).size
+    return size[::-1] if turned else size
+
+
 def write_views(
     paths: Sequence[Path],
     size: int,
@@ -329,12 +361,17 @@ def write_views(
     views: list[View] = []
     with making(folder) as part:
         for view, image in make_views(paths, size, resize, fewest, progress):
-            image.save(part / f"{view.view}.png")
+            image.save(part / f"{view.view}.png", compress_level=choose_compression(image))
             views.append(view)
         views = in_order(views, paths)
         rows = [asdict(view) for view in views]
         (part / MANIFEST).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     return views
+
+
+def choose_compression(image: Image.Image) -> int:
+    """How hard a PNG is compressed: large images little, since that would take most of the time."""
+    return 1 if max(image.size) > LARGE else 6
 
 
 def make_views(
@@ -410,9 +447,29 @@ class ImageFolder(Mapping[str, Image.Image]):
         return sum(1 for _ in self)
 
 
+class Pictures(Sequence[np.ndarray]):
+    """The working images of some views, each read when it is asked for.
+
+    Each is [height, width, 3] uint8, sRGB.
+
+    Args:
+        images: by the views' names
+        views: the names
+    """
+
+    def __init__(self, images: Mapping[str, Image.Image], views: Sequence[str]):
+        self._images, self._views = images, views
+
+    def __getitem__(self, position: int) -> np.ndarray:
+        return np.asarray(self._images[self._views[position]].convert("RGB"))
+
+    def __len__(self) -> int:
+        return len(self._views)
+
+
 def stack_pictures(images: Mapping[str, Image.Image], views: Sequence[str]) -> np.ndarray:
     """The working images of these views: [views, height, width, 3] uint8, sRGB."""
-    return np.stack([np.asarray(images[view].convert("RGB")) for view in views])
+    return np.stack(Pictures(images, views))
 
 
 def held_out(views: int, every: int) -> list[int]:

@@ -27,6 +27,7 @@ from silmesh.errors import InputError
 from silmesh.geometry.camera import write_cameras
 from silmesh.naming import natural_key
 from silmesh.planning.provenance import SOURCE
+from silmesh.settings.detail import DETAILS
 from silmesh.settings.fit import FITS
 from silmesh.settings.quality import Policy
 from silmesh.settings.silhouettes import SOURCES
@@ -76,6 +77,19 @@ def test_choices_are_those_of_the_configuration():
     assert set(make["silhouettes"].type.choices) == set(SOURCES)
     assert set(make["preset"].type.choices) == set(FITS)
     assert set(make["quality"].type.choices) == set(get_args(Policy))
+    assert list(make["detail"].type.choices) == list(DETAILS)
+
+
+def test_a_level_of_detail_says_what_it_costs_before_the_work(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    photograph(tmp_path / "photos")
+    assert call("photos", "--detail", "best")[0] == 2
+    assert "'best' is not one of 'draft', 'normal', 'high'" in call("photos", "--detail", "best")[1]
+    options = "--detail", "high", "--size", "5000", "--cameras", "calibrate", "--keep", "work"
+    status, said = call("photos", *options)
+    assert status == 2
+    assert "silmesh: detail: high, working images of 5000 pixels; about" in said
+    assert "views.size: should be a whole number from 16 to 4,096, not 5000" in said
 
 
 def test_a_method_is_one_of_ours_or_ones_own(tmp_path):
@@ -180,6 +194,29 @@ def test_the_home_in_a_path_of_cameras_is_the_persons(tmp_path, monkeypatch, giv
     status, said = call(photos, *output, "--cameras", f"file:{given}")
     assert status == 2
     assert f"{page}: is one of the files that are read" in said
+
+
+@pytest.mark.parametrize("size", ["63", "8193", "huge"])
+def test_a_texture_of_no_possible_size_is_refused(tmp_path, size):
+    photos = photograph(tmp_path / "photos")
+    status, said = call(
+        photos, "-o", tmp_path / "m.glb", "--keep", tmp_path / "w", "--texture", size
+    )
+    assert status == 2
+    assert "'auto'" in said
+    assert not (tmp_path / "w").exists()
+
+
+def test_a_persons_picture_beside_an_obj_is_not_written_over(tmp_path):
+    photos = photograph(tmp_path / "photos")
+    output = ["-o", photos / "r3.obj", "--keep", tmp_path / "work"]
+    status, said = call(photos, *output)
+    assert status == 2
+    assert f"{photos / 'r3.png'}: is there already and not made by silmesh" in said
+    page = ["--page", tmp_path / "cup.mtl"]
+    status, said = call(photos, "-o", tmp_path / "cup.obj", "--keep", tmp_path / "work", *page)
+    assert status == 2
+    assert "cup.mtl: should be another file than that of the mesh" in said
 
 
 def photograph(folder: Path) -> Path:

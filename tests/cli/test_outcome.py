@@ -10,10 +10,18 @@ from silmesh.cli.outcome import (
     describe_repairs,
     export,
     find_doubts,
+    name_outputs,
     refuse_suffix,
 )
 from silmesh.errors import InputError
 from silmesh.geometry.mesh_files import write_coloured
+from silmesh.geometry.obj_companions import name_companions
+from silmesh.geometry.textured_mesh import (
+    encode_png,
+    texture_mesh,
+    write_textured_glb,
+    write_textured_obj,
+)
 
 GOOD = {
     "iou_mean": 0.9924,
@@ -170,6 +178,32 @@ def test_every_format_holds_the_mesh(tmp_path, suffix):
     if suffix.lower() == ".ply":
         assert (mesh.visual.vertex_colors[:, :3] == colours).all()
     assert [path.name for path in output.parent.iterdir()] == [output.name]
+
+
+@pytest.mark.parametrize("suffix", [".glb", ".obj", ".ply", ".stl", ".OBJ"])
+def test_every_format_holds_what_it_can_of_a_texture(tmp_path, suffix):
+    box = trimesh.creation.box((1, 2, 3))
+    colours = np.uint8([[10 * i, 200, 30] for i in range(8)])
+    write_coloured([tmp_path / "coloured.ply"], box, colours)
+    image = np.full((4, 4, 3), (10, 20, 30), np.uint8)
+    textured = texture_mesh(box.vertices, box.faces, np.full((8, 2), 0.5), image)
+    png, obj = encode_png(textured), tmp_path / "mesh.obj"
+    write_textured_obj(obj, textured, png, *name_companions(obj))
+    write_textured_glb(tmp_path / "mesh.glb", textured, png)
+    output = tmp_path / "out" / f"m{suffix}"
+    for _ in range(2):  # the second time over the first
+        export(tmp_path, output, textured=True)
+    mesh = trimesh.load_mesh(output)
+    assert mesh.volume == pytest.approx(6)
+    if suffix == ".ply":
+        assert (mesh.visual.vertex_colors[:, :3] == colours).all()
+    elif suffix != ".stl":
+        found = mesh.visual.to_color().vertex_colors[:, :3]
+        assert (np.asarray(found) == (10, 20, 30)).all()
+    names = {path.name for path in output.parent.iterdir()}
+    beside = {"m.mtl", "m.png"} if suffix.lower() == ".obj" else set()
+    assert names == {output.name} | beside
+    assert {path.name for path in name_outputs(output, textured=True)} == names
 
 
 def test_an_unknown_ending_is_refused():

@@ -9,7 +9,8 @@ from scenes import silhouettes, turntable
 
 from silmesh.errors import InputError
 from silmesh.evaluation.mesh_quality import count_intersections
-from silmesh.fitting import fast
+from silmesh.fitting import fast, image_pyramid
+from silmesh.fitting.band import BandLevel
 from silmesh.fitting.camera_refinement import SHARED_SD
 from silmesh.fitting.fast import Fast
 from silmesh.fitting.loop import run
@@ -222,3 +223,62 @@ def test_an_object_that_frames_cut_goes_on_beyond_them():
     run(fit)
     iou = silhouette_iou(fit.verts, fit.faces, cameras, seen.numpy() > 0, TOLD.sigma)
     assert iou.min() > 0.93  # with the silhouettes as no frame cuts them
+
+
+LARGE = 160  # pixels, where images of more than 64 are large
+AS_LARGE = changed(sigma="auto", vertices=2000, batch=3, iterations=400)
+
+
+@pytest.fixture
+def small_base(monkeypatch):
+    for module in (image_pyramid, fast):
+        monkeypatch.setattr(module, "BASE", 64)
+
+
+@pytest.mark.usefixtures("small_base")
+def test_large_images_are_fitted_by_bands_with_a_finer_mesh():
+    cameras, seen = scene(6, LARGE)
+    fit = Fast(*to_tensors(unit_sphere(300)), cameras, seen, AS_LARGE)
+    sizes = [max(level.size) if isinstance(level, BandLevel) else 0 for level in fit._levels]
+    assert sizes == [0, 0, 80, 160]
+    coarse = None
+    while not fit.done:
+        if fit._state.level == 2 and coarse is None:
+            coarse = fit.verts, fit.faces
+        fit.step()
+    iou = [
+        silhouette_iou(*mesh, cameras, seen.numpy() > 0, AS_LARGE.sigma_at(LARGE)).mean()
+        for mesh in (coarse, (fit.verts, fit.faces))
+    ]
+    assert iou[1] > max(0.985, iou[0])
+    mesh = trimesh.Trimesh(fit.verts.numpy(), fit.faces.numpy(), process=False)
+    assert mesh.is_watertight
+    assert 1500 < len(mesh.vertices) < 2200
+    extents = (fit.verts.max(0).values - fit.verts.min(0).values) / 2
+    np.testing.assert_allclose(extents, AXES, rtol=0.15)
+
+
+@pytest.mark.usefixtures("small_base")
+def test_a_fit_that_resumes_within_a_band_ends_bitwise_as_it_would_have():
+    cameras, seen = scene(6, LARGE)
+    parts = *to_tensors(unit_sphere(300)), cameras, seen, AS_LARGE
+    fit = Fast(*parts)
+    while fit._state.seen is None:
+        fit.step()
+    for _ in range(3):
+        fit.step()
+    other = Fast(*parts)
+    other.restore(fit.state())
+    for each in (fit, other):
+        for _ in range(10):
+            last = each.step()
+        each.last = last
+    assert fit.last == other.last
+    assert torch.equal(fit.verts, other.verts)
+
+
+def test_images_that_are_not_large_have_the_pyramid_alone():
+    cameras, seen = scene()
+    fit = Fast(*to_tensors(unit_sphere(642)), cameras, seen, TOLD)
+    assert not any(isinstance(level, BandLevel) for level in fit._levels)
+    assert [level.factor for level in fit._levels] == [2, 1]

@@ -1,6 +1,7 @@
 import numpy as np
 import torch
 
+from silmesh.fitting import smooth as module
 from silmesh.fitting.smooth import Smooth, UniformAdam
 from silmesh.geometry.mesh_files import to_tensors
 from silmesh.shapes.sphere import unit_sphere
@@ -25,6 +26,20 @@ def test_it_is_the_dense_solve():
     np.testing.assert_allclose(smooth(u), verts, atol=1e-6)
     other = torch.randn(40, 3, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
     np.testing.assert_allclose(smooth(other), np.linalg.solve(matrix, other), atol=1e-6)
+
+
+def test_that_of_a_large_mesh_is_nearly_the_dense_solve(monkeypatch):
+    monkeypatch.setattr(module, "DIRECT", 10)
+    verts, faces = to_tensors(unit_sphere(40))
+    for smoothing in (0.0, 1.0, 5.0):
+        smooth, matrix = Smooth(faces, 40, smoothing), dense(faces, 40, smoothing)
+        u = smooth.parameters(verts)
+        np.testing.assert_allclose(smooth(u), verts, atol=3e-6)
+        weight = torch.randn(40, 3, generator=torch.Generator().manual_seed(1))
+        u = u.requires_grad_()
+        (smooth(u) * weight).sum().backward()
+        expected = np.linalg.solve(matrix, weight.double())
+        np.testing.assert_allclose(u.grad, expected, atol=1e-5)
 
 
 def test_a_gradient_goes_through_the_inverse():

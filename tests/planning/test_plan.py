@@ -55,6 +55,22 @@ def test_a_runs_stages_are_named_by_what_they_depend_on(plan):
     }
 
 
+def test_a_variant_has_a_texture_as_it_or_the_run_says(plan):
+    made = plan("a: {}, b: {texture: {size: 0}}, c: {texture: {size: 512}}")
+    assert [made.variants(textured) for textured in (True, False)] == ["c", "a|b"]
+    made = plan("a: {}, b: {texture: {size: 0}}", more="texture: {size: auto}")
+    assert [made.variants(textured) for textured in (True, False)] == ["a", "b"]
+    assert not re.fullmatch(plan("a: {}").variants(textured=True), "a")
+
+
+@pytest.mark.parametrize("size", [63, 8193, "large", "true", -1])
+def test_a_texture_of_no_possible_size_is_refused(plan, size):
+    with pytest.raises(
+        InputError, match=r"texture\.size: should be 'auto' or 0 or a whole number "
+    ):
+        plan("a: {}", more=f"texture: {{size: {size}}}")
+
+
 def test_a_view_may_be_spared_where_no_run_keeps_all(plan):
     drop = "a: {quality: {policy: drop}}, b: {quality: {policy: repair, fewest: 9}}"
     lenient = plan(drop)
@@ -339,3 +355,17 @@ def in_sets(tmp_path: Path, monkeypatch):
         return Plan(yaml.safe_load("datasets: list.tsv\nvariants: {a: {}}"), "my.yaml")
 
     return of
+
+
+def test_an_initial_mesh_of_ones_own_is_read_and_told_from_others(plan):
+    Path("ball.ply").touch()
+    Path("egg.ply").touch()
+    made = plan("a: {init: {shape: 'file:ball.ply'}}, b: {init: {shape: 'file:egg.ply'}}")
+    first, second = (made.run("cup", name) for name in "ab")
+    assert first.initial_key != second.initial_key
+    assert [run.initial_own for run in (first, second)] == [[Path("ball.ply")], [Path("egg.ply")]]
+
+
+def test_an_initial_mesh_that_is_not_there_is_refused(plan):
+    with pytest.raises(InputError, match=r"variants.a.init.shape: gone.ply: is not there"):
+        plan("a: {init: {shape: 'file:gone.ply'}}")

@@ -1,12 +1,15 @@
 """The page in a real browser: headless Chromium opens it from its file."""
 
+import io
 import os
 import shutil
 from importlib.util import find_spec
 from pathlib import Path
 
+import numpy as np
 import pytest
 from pages import GALLERY, box, gallery, result
+from PIL import Image
 
 from silmesh.report.page import write_page
 
@@ -216,6 +219,36 @@ def test_without_webgl_still_pictures_stand_in(window, file):
     assert section.locator(".instead img").first.is_visible()
     assert not section.locator("canvas[role=application]").is_visible()
     assert shown.wrong == []
+
+
+def test_a_texture_is_shown_and_colours_of_vertices_where_it_has_no_room(
+    chromium, tmp_path, monkeypatch
+):
+    """The box's vertices are brown, its texture is blue."""
+    results = {
+        ("pot", "plain"): result(
+            tmp_path, {"iou_mean": 1, "loss_final": 0.1, "iou": {}}, texture=(20, 60, 220)
+        )
+    }
+    told = {("pot", GALLERY): gallery(tmp_path)}
+    bluest = {}
+    for room in (1_000_000, 0):
+        monkeypatch.setattr("silmesh.report.page.ROOM", room)
+        file = tmp_path / f"{room}.html"
+        file.write_text(write_page(results, told, SETTINGS), encoding="utf-8")
+        shown = Window(chromium, file)
+        section = shown.page.locator("section:has(> #object-pot)")
+        wait_for(section, "0 fitted | 0 first")
+        section.page.wait_for_timeout(300)
+        with Image.open(io.BytesIO(section.locator(".viewer canvas").screenshot())) as image:
+            pixels = np.asarray(image.convert("RGB")).astype(int)
+        shown.context.close()
+        assert shown.wrong == []
+        bluest[room] = (pixels[..., 2] - pixels[..., 0]).max()
+        if not room:
+            assert (pixels[..., 0] - pixels[..., 2]).max() > 60
+    assert bluest[1_000_000] > 100
+    assert bluest[0] < 60
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

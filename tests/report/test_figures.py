@@ -10,6 +10,7 @@ from PIL import Image
 
 from silmesh.report.figures import (
     COLOURS,
+    average,
     break_name,
     draw_figure,
     spread,
@@ -33,7 +34,8 @@ def losses():
 def draw(object_, losses, order, published=None):
     """The figure with red squares for photographs and blue ones for meshes."""
     columns = [[Image.new("RGB", (20, 20), c)] * 2 for c in ["red", *["blue"] * len(losses)]]
-    return draw_figure(object_, losses, order, columns, published or {})
+    replicates = {variant: [loss] for variant, loss in losses.items()}
+    return draw_figure(object_, replicates, order, columns, published or {})
 
 
 def curves_of(figure):
@@ -154,3 +156,13 @@ def test_pictures_stand_in_columns_below_their_names(losses):
 )
 def test_long_names_are_broken_where_they_can_be(name, lines):
     assert break_name(name) == lines
+
+
+def test_replicates_are_a_mean_in_a_band():
+    ends = [1.0, 0.5, 0.3], [1.0, 0.7]
+    curves = [pd.DataFrame({"iteration": range(len(c)), "loss": c}) for c in ends]
+    mean, half = average(curves)
+    assert list(mean["loss"]) == pytest.approx([1, 0.6, 0.5])  # the second ended at 0.7
+    # Student's t of one degree of freedom is 12.706; the standard error of 0.5, 0.7 is 0.1.
+    assert list(half) == pytest.approx([0, 1.2706, 2.5412], rel=1e-3)
+    assert average(curves[:1])[1] is None

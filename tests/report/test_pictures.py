@@ -8,6 +8,7 @@ from drawing import render_colours
 from PIL import Image
 
 from silmesh.cameras.turntable import turntable_cameras
+from silmesh.geometry.textured_mesh import texture_mesh
 from silmesh.report.pictures import (
     CELL,
     FINE,
@@ -218,3 +219,18 @@ def test_colours_are_mixed_between_the_corners(cameras):
         image[~hits.mask], np.tile(np.array(GROUND) / 255, [(~hits.mask).sum(), 1])
     )
     np.testing.assert_allclose(image[hits.mask], hits.weights, atol=1e-9)
+
+
+def test_a_texture_is_painted_where_its_coordinates_say(cameras):
+    """A triangle before the camera; its texture grows redder rightwards and greener upwards."""
+    camera = camera_of(cameras, 0)
+    right, up = camera.R[0], -camera.R[1]
+    verts = np.stack([-0.3 * right, 0.3 * right, 0.4 * up])
+    uv = np.array([[0.1, 0.2], [0.9, 0.2], [0.5, 0.8]])
+    row, column = np.mgrid[:128, :128] + 0.5
+    image = np.stack([2 * column, 256 - 2 * row, 0 * row], axis=-1).round().astype(np.uint8)
+    flat = texture_mesh(verts, np.array([[0, 1, 2]]), uv, image)
+    hits = trace(flat, camera)
+    painted = paint(flat, hits)[hits.mask]
+    expected = np.pad(hits.weights @ uv, [(0, 0), (0, 1)])
+    np.testing.assert_allclose(painted, expected, atol=1.5 / 255)

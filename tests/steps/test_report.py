@@ -14,7 +14,7 @@ from silmesh.geometry.camera import Similarity, write_cameras
 from silmesh.scene.scene import Scene, write_scene
 from silmesh.silhouettes import encode
 from silmesh.softras import soft_silhouettes
-from silmesh.steps import figure, gallery, picture, report, rings
+from silmesh.steps import conclude, figure, gallery, picture, report, rings
 
 RUNS = ["box-1/plain", "box-1/fine"]
 SCENE, JUDGED = "box-1/stages/scenes/64", "box-1/stages/judged/64-keep"
@@ -60,7 +60,8 @@ def results(tmp_path):
         folder.mkdir(parents=True)
         box.export(folder / "mesh.ply")
         write_cameras(folder / "cameras.json", cameras)
-        (folder / "loss.csv").write_text(f"iteration,loss\n0,0.{i + 5}\n1,0.{i + 1}\n")
+        curve = f"iteration,loss,seconds\n0,0.{i + 5},0\n1,0.{i + 1},1\n"
+        (folder / "loss.csv").write_text(curve)
         (folder / "metrics.json").write_text(json.dumps({"iou_mean": 0.9 + i / 100, "iou": {}}))
     return tmp_path
 
@@ -95,12 +96,18 @@ def test_tables_figure_pictures_and_page_from_results(results):
     assert fates == ["kept", "kept", "kept", "dropped", "lost"]
     (results / "fit.tsv").write_text("s\th:m:s\n12.5\t0:00:12\n")
     plan = {
-        "configuration": {"views": {"size": 64}, "variants": {"plain": {}, "fine": {}}},
+        "configuration": {
+            "views": {"size": 64},
+            "variants": {"plain": {}, "fine": {}},
+            "comparison": {"baseline": None, "goal": None},
+        },
+        "baseline": "plain",
         "objects": {},
         "truths": [],
         "runs": [
             {
                 "object": "box-1", "variant": variant, "scene": "64", "judged": "64-keep",
+                "experiment": variant, "replicate": 1,
                 "published": variant, "holdout": 0,
                 "stages": {"fit": f"{results}/fit.tsv", "scene": f"{results}/lacking.tsv"},
             }
@@ -108,8 +115,15 @@ def test_tables_figure_pictures_and_page_from_results(results):
         ],
     }  # fmt: skip
     (results / "plan.json").write_text(json.dumps(plan))
+    conclude.main(
+        f"--plan {results}/plan.json --results {results} --table {made}/comparison.csv"
+        f" --latex {made}/comparison.tex --figures {made}/comparison.svg".split()
+    )
+    assert "fine &" in (made / "comparison.tex").read_text()
+    assert "final loss, less that of plain" in (made / "comparison.svg").read_text()
     report.main(
         f"--plan {results}/plan.json --results {results} --losses {made}/losses.csv"
+        f" --conclusions {made}/comparison.csv"
         f" --summary {made}/summary.csv --page {made}/report.html".split()
     )
     with open(made / "losses.csv", newline="") as file:
@@ -124,6 +138,7 @@ def test_tables_figure_pictures_and_page_from_results(results):
         "object,variant,iou_mean\nbox-1,plain,0.9\nbox-1,fine,0.91\n"
     )
     page = (made / "report.html").read_text()
+    assert "fine against plain, 1 - IoU: median difference -0.01 over 1 replicate" in page
     assert "0.900" in page
     assert "0.910" in page
     assert '<th scope="row">fit</th><td>12.5</td>' in page

@@ -13,6 +13,7 @@ from PIL import Image
 
 from silmesh.cameras.turntable import turntable_cameras
 from silmesh.geometry.camera import Cameras, Similarity
+from silmesh.geometry.textured_mesh import texture_mesh
 from silmesh.report.exhibit import describe_exhibit
 from silmesh.report.gallery import Shot, describe_gallery
 from silmesh.report.page import Result, Scene
@@ -62,8 +63,20 @@ def gallery(folder: Path) -> dict:
     return describe_gallery(shots)
 
 
+def paper(mesh: trimesh.Trimesh, colour: tuple[int, int, int]) -> trimesh.Trimesh:
+    """A mesh in a texture of one colour, each of its triangles a chart of its own."""
+    faces = np.arange(3 * len(mesh.faces)).reshape(-1, 3)
+    uv = np.tile([[0.0, 0], [1, 0], [0, 1]], (len(mesh.faces), 1))
+    return texture_mesh(
+        mesh.vertices[mesh.faces.ravel()], faces, uv, np.full((64, 64, 3), colour, np.uint8)
+    )
+
+
 def result(folder: Path, metrics: dict, sides=(0.5, 0.8, 0.4), gallery: str = GALLERY, **more):
-    """What the page shows of a run whose mesh is a box, its initial mesh a sphere."""
+    """What the page shows of a run whose mesh is a box, its initial mesh a sphere.
+
+    ``texture`` is the colour of its texture, if it has one.
+    """
     mesh = box(sides)
     colours = np.tile([0.5, 0.2, 0.05], (len(mesh.vertices), 1))
     first = trimesh.creation.icosphere(2, 0.4)
@@ -73,11 +86,14 @@ def result(folder: Path, metrics: dict, sides=(0.5, 0.8, 0.4), gallery: str = GA
     Image.effect_noise((1394, 574), 60).convert("RGB").save(picture)
     Image.effect_noise((1126, 615), 60).convert("RGB").save(rings)
     kept = cameras().select([0, 1, 2, *range(4, VIEWS)])
+    colour = more.pop("texture", None)
+    textured = paper(mesh, colour) if colour else None
+    exhibit = describe_exhibit(mesh, colours, first, kept, similarity(), 1e-4, textured)
     return Result(
         metrics,
         losses,
         picture,
-        json.loads(json.dumps(describe_exhibit(mesh, colours, first, kept, similarity(), 1e-4))),
+        json.loads(json.dumps(exhibit)),
         Scene(more.pop("scene", "64-pad-mask-turntable"), TOLD, rings),
         gallery,
         **more,

@@ -69,6 +69,23 @@ def test_a_kill_in_the_middle_of_a_fit(project, finished, tmp_path):
     assert project.outdated(mesh) == set()
 
 
+def test_a_kill_between_the_files_of_a_texture(project, tmp_path):
+    marker, folder = tmp_path / "marker", project / "results/cup/round"
+    project.edit("config/config.yaml", "  boxed", "    texture: {size: 64}\n  boxed")
+    targets = [f"results/cup/round/mesh.{kind}" for kind in ("obj", "png")]
+    project.run(*targets)
+    whole = {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    assert {"mesh.obj", "mesh.mtl", "mesh.png", "mesh.glb", "texture.json"} <= set(whole)
+    add_stop(project, "src/silmesh/geometry/obj_companions.py", "    _write(image, png)\n")
+    kill_when(project.start(*targets, SILMESH_TEST_STOP=str(marker)), marker)
+    assert (folder / "mesh.png").exists()
+    assert not (folder / "mesh.obj").exists()
+    project.run(*targets)
+    assert leftovers(project) == []
+    assert {name: (folder / name).read_bytes() for name in whole} == whole
+    assert project.outdated(*targets) == set()
+
+
 @pytest.mark.parametrize("target", ["views/32-pad", "cameras/32-pad-turntable"])
 def test_a_kill_in_the_middle_of_writing(project, finished, tmp_path, target):
     marker = tmp_path / "marker"

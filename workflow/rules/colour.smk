@@ -1,5 +1,5 @@
 # requires  a fitted mesh with its cameras, and the scene
-# makes     the mesh with colours from the photographs, in the formats that have them
+# makes     the mesh with colours of its vertices from the photographs, for variants without texture
 # runs      silmesh.steps.colour
 
 
@@ -14,6 +14,8 @@ rule colour:
         "logs/colour/{object}-{variant}.log",
     benchmark:
         "logs/colour/{object}-{variant}.tsv"
+    wildcard_constraints:
+        variant=plan.variants(textured=False),
     params:
         code=code_digest("silmesh.steps.colour"),
     message:

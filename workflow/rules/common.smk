@@ -216,8 +216,34 @@ def fit_inputs(wildcards):
 
 
 def fit_settings(wildcards):
-    """Those of a run's fit."""
-    return settings(plan.run(wildcards.object, wildcards.variant).settings.fit)
+    """Those of a run's fit, whatever follows on it."""
+    fit = plan.run(wildcards.object, wildcards.variant).settings.fit
+    return fit.model_dump_json(exclude={"photometric"})
+
+
+def variants_with(photometric):
+    """A pattern of the variants whose photographs have a say in the mesh, or of all others."""
+    names = [
+        name
+        for name, variant in plan.config.variants.items()
+        if is_photometric(variant.fit) == photometric
+    ]
+    return "|".join(names) or "(?!)"
+
+
+def relief_inputs(wildcards, *kinds):
+    """What is known of a mesh in which photographs have a say; nothing of another."""
+    w, files = wildcards, {"relief": "relief.json", "standing": "standing.npy"}
+    if not is_photometric(plan.run(w.object, w.variant).settings.fit):
+        return {}
+    return {kind: f"results/{w.object}/{w.variant}/{files[kind]}" for kind in kinds}
+
+
+def relief_argument(kind):
+    """The argument that names a file of ``relief_inputs``, if it is one of the inputs."""
+    return lambda w, input: (
+        f"--{kind} {quote(input.get(kind))}" if input.get(kind) else ""
+    )
 
 
 def evaluate_inputs(wildcards):
@@ -228,7 +254,43 @@ def evaluate_inputs(wildcards):
         "scene": run.folder("judged"),
         "initial": f"{run.folder('initial')}/init.json",
         "truth": f"results/{wildcards.object}/stages/truth.ply" if truth else [],
+        **relief_inputs(wildcards, "relief"),
+        "texture": texture_notes(run),
     }
+
+
+def texture_notes(run):
+    """What is said of a run's texture, if it has one."""
+    return (
+        f"results/{run.dataset.object}/{run.variant}/texture.json"
+        if run.textured
+        else []
+    )
+
+
+def texture_argument(wildcards, input):
+    """The argument that names what is said of the texture, if there is one."""
+    return f"--texture {quote(input.texture)}" if input.texture else ""
+
+
+def coloured_mesh(wildcards):
+    """A run's mesh with colours of its vertices."""
+    textured = plan.run(wildcards.object, wildcards.variant).textured
+    name = "coloured.ply" if textured else "mesh.obj"
+    return f"results/{wildcards.object}/{wildcards.variant}/{name}"
+
+
+def textured_mesh(wildcards):
+    """A run's mesh with its texture, if it has one."""
+    textured = plan.run(wildcards.object, wildcards.variant).textured
+    return (
+        f"results/{wildcards.object}/{wildcards.variant}/mesh.glb" if textured else []
+    )
+
+
+def textured_argument(wildcards, input):
+    """The argument that names the mesh with its texture, if there is one."""
+    return f"--textured {quote(input.textured)}" if input.textured else ""
 
 
 def truth_arguments(wildcards, input):
@@ -251,9 +313,18 @@ def training_files():
     return [*files, plan.config.datasets, Path(plan.config.train.weights)]
 
 
-def variants_of(object_):
-    """The variants that an object runs."""
-    return [run.variant for run in plan.runs if run.dataset.object == object_]
+# Pictures are made of the first replicate of each experiment, and numbers of all.
+
+
+def shown_runs():
+    """The runs that are shown: the first replicates."""
+    return [run for run in plan.runs if run.member.replicate == 1]
+
+
+def experiments_of(object_):
+    """The experiment that each run of an object repeats."""
+    runs = [run for run in plan.runs if run.dataset.object == object_]
+    return [run.member.experiment for run in runs]
 
 
 def runs_of(object_, path):
@@ -261,14 +332,29 @@ def runs_of(object_, path):
     return [_fill(path, run) for run in plan.runs if run.dataset.object == object_]
 
 
+def shown_of(object_, path):
+    """A path of each run of an object that is shown."""
+    return [_fill(path, run) for run in shown_runs() if run.dataset.object == object_]
+
+
 def scenes_of(object_):
-    """The scene that each run of an object is fitted to."""
-    return [fitted_scene(run) for run in plan.runs if run.dataset.object == object_]
+    """The scene that each run of an object is fitted to, of those that are shown."""
+    return [fitted_scene(run) for run in shown_runs() if run.dataset.object == object_]
 
 
 def every_run(path):
     """A path of each run, once: {0} is its object, {1} its variant, {2} its scene, {3} its judging."""
     return list(dict.fromkeys(_fill(path, run) for run in plan.runs))
+
+
+def every_textured(path):
+    """A path of each run with a texture, as ``every_run`` has them."""
+    return list(dict.fromkeys(_fill(path, run) for run in plan.runs if run.textured))
+
+
+def every_shown(path):
+    """A path of each run that is shown, once."""
+    return list(dict.fromkeys(_fill(path, run) for run in shown_runs()))
 
 
 def _fill(path, run):
@@ -291,7 +377,7 @@ def published_arguments(object_):
     """The arguments that name the published curves of an object's variants."""
     if not plan.config.published:
         return ""
-    names = [run.published for run in plan.runs if run.dataset.object == object_]
+    names = [run.published for run in shown_runs() if run.dataset.object == object_]
     return f"--published {quote(str(plan.config.published))} --curves {' '.join(names)}"
 
 
@@ -306,12 +392,15 @@ def report_plan():
     }
     return {
         "configuration": plan.config.describe(),
+        "baseline": plan.baseline,
         "objects": rows,
         "truths": truths(),
         "runs": [
             {
                 "object": run.dataset.object,
                 "variant": run.variant,
+                "experiment": run.member.experiment,
+                "replicate": run.member.replicate,
                 "scene": run.scene_key,
                 "judged": run.judged_key,
                 "published": run.published,
@@ -340,10 +429,12 @@ def stages_of(run):
         "judging": f"judge/{object_}-{run.judged_key}",
         "initial mesh": f"first/{object_}-{run.initial_key}",
         "fit": f"fit/{object_}-{run.variant}",
-        "colours": f"colour/{object_}-{run.variant}",
+        "colours": f"{'texture' if run.textured else 'colour'}/{object_}-{run.variant}",
         "metrics": f"evaluate/{object_}-{run.variant}",
         "pictures": f"picture/{object_}-{run.variant}",
     }
+    if is_photometric(run.settings.fit):
+        files["photo-consistency"] = f"relief/{object_}-{run.variant}"
     return {stage: f"logs/{file}.tsv" for stage, file in files.items()}
 
 

@@ -1,4 +1,4 @@
-# requires  a fitted mesh with its cameras and losses, the scene, perhaps the truth
+# requires  a fitted mesh with its cameras and losses, the scene, perhaps the truth and a texture
 # makes     its metrics
 # runs      silmesh.steps.evaluate
 
@@ -19,6 +19,8 @@ rule evaluate:
     params:
         settings=fit_settings,
         truth=truth_arguments,
+        relief=relief_argument("relief"),
+        texture=texture_argument,
         code=code_digest("silmesh.steps.evaluate"),
     message:
         "{wildcards.object}/{wildcards.variant}: evaluating"
@@ -26,5 +28,5 @@ rule evaluate:
         "python -m silmesh.steps evaluate --mesh {input.mesh:q} --cameras {input.cameras:q}"
         " --loss {input.loss:q} --scene {input.scene:q} --initial {input.initial:q}"
         " --notes {input.notes:q}"
-        " {params.truth} --settings {params.settings:q}"
+        " {params.truth} {params.relief} {params.texture} --settings {params.settings:q}"
         " --threads {threads} --output {output:q} 2> {log:q}"

@@ -15,6 +15,8 @@ rule fit:
         "logs/fit/{object}-{variant}.log",
     benchmark:
         "logs/fit/{object}-{variant}.tsv"
+    wildcard_constraints:
+        variant=variants_with(photometric=False),
     threads: max(1, workflow.cores // len(plan.runs))
     params:
         settings=fit_settings,
@@ -32,3 +34,13 @@ rule fit:
         " --notes {output.notes:q}"
         " --checkpoint {params.checkpoint:q} --code {params.code}-{params.read}"
         " 2> {log:q}"
+
+
+use rule fit as fit_outlines with:
+    output:
+        mesh="results/{object}/{variant}/outlines.ply",
+        cameras="results/{object}/{variant}/cameras.json",
+        loss="results/{object}/{variant}/loss.csv",
+        notes="results/{object}/{variant}/fit.json",
+    wildcard_constraints:
+        variant=variants_with(photometric=True),

@@ -1,16 +1,17 @@
 # requires  every run's losses, metrics and meshes, with its scene
 # makes     a figure an object of its curves and meshes; of each run a picture, a turntable and what
 #           the page shows of it; of each scene a picture of its cameras, a sheet of its photographs
-#           and these for the page; two tables of all, and the page with them
+#           and these for the page; what can be concluded of the variants; two tables of all, and the page
+#           with them
 # runs      silmesh.steps.figure, silmesh.steps.picture, silmesh.steps.rings, silmesh.steps.gallery,
-#           silmesh.steps.report
+#           silmesh.steps.conclude, silmesh.steps.report
 
 
 rule figure:
     input:
         losses=lambda w: runs_of(w.object, "results/{0}/{1}/loss.csv"),
-        meshes=lambda w: runs_of(w.object, "results/{0}/{1}/mesh.ply"),
-        cameras=lambda w: runs_of(w.object, "results/{0}/{1}/cameras.json"),
+        meshes=lambda w: shown_of(w.object, "results/{0}/{1}/mesh.ply"),
+        cameras=lambda w: shown_of(w.object, "results/{0}/{1}/cameras.json"),
         scenes=lambda w: scenes_of(w.object),
         published=made(published()),
     output:
@@ -21,11 +22,12 @@ rule figure:
             labels={"object": "{object}"},
         ),
         png="results/report/figures/{object}.png",
+        pdf="results/report/figures/{object}.pdf",
     log:
         "logs/figure/{object}.log",
     params:
-        variants=lambda w: variants_of(w.object),
-        order=list(plan.config.variants),
+        experiments=lambda w: experiments_of(w.object),
+        order=list(dict.fromkeys(run.member.experiment for run in plan.runs)),
         published=lambda w: published_arguments(w.object),
         read=lambda w: given_digest(published()),
         code=code_digest("silmesh.steps.figure"),
@@ -34,13 +36,15 @@ rule figure:
     shell:
         "python -m silmesh.steps figure --object={wildcards.object}"
         " --losses {input.losses:q} --meshes {input.meshes:q} --cameras {input.cameras:q}"
-        " --scenes {input.scenes:q} --variants {params.variants} --order {params.order}"
+        " --scenes {input.scenes:q} --variants {params.experiments} --order {params.order}"
         " {params.published} --outputs {output:q} 2> {log:q}"
 
 
 rule picture:
     input:
-        mesh="results/{object}/{variant}/mesh.obj",
+        unpack(lambda w: relief_inputs(w, "standing")),
+        mesh=coloured_mesh,
+        textured=textured_mesh,
         cameras="results/{object}/{variant}/cameras.json",
         initial=lambda w: fit_inputs(w)["initial"],
         scene=lambda w: fit_inputs(w)["scene"],
@@ -71,13 +75,16 @@ rule picture:
         "logs/picture/{object}-{variant}.tsv"
     params:
         settings=fit_settings,
+        standing=relief_argument("standing"),
+        textured=textured_argument,
         code=code_digest("silmesh.steps.picture"),
     message:
         "{wildcards.object}/{wildcards.variant}: drawing the mesh beside its photographs"
     shell:
-        "python -m silmesh.steps picture --mesh {input.mesh:q} --initial {input.initial:q}"
+        "python -m silmesh.steps picture --mesh {input.mesh:q} {params.textured}"
+        " --initial {input.initial:q}"
         " --cameras {input.cameras:q} --scene {input.scene:q}"
-        " --settings {params.settings:q}"
+        " --settings {params.settings:q} {params.standing}"
         " --output {output.picture:q} --gif {output.gif:q} --mp4 {output.mp4:q}"
         " --exhibit {output.exhibit:q} 2> {log:q}"
 
@@ -129,13 +136,41 @@ rule rings:
         " --output {output:q} 2> {log:q}"
 
 
-rule page:
+rule conclude:
     input:
         losses=every_run("results/{0}/{1}/loss.csv"),
         metrics=every_run("results/{0}/{1}/metrics.json"),
-        pictures=every_run("results/report/pictures/{0}/{1}.png"),
-        exhibits=every_run("results/report/exhibits/{0}/{1}.json"),
-        figures=every_run("results/report/figures/{0}.svg"),
+    output:
+        table=report(
+            "results/report/comparison.csv",
+            caption="../report/comparison.rst",
+            category="Tables",
+            labels={"table": "comparison"},
+        ),
+        latex="results/report/comparison.tex",
+        svg="results/report/comparison.svg",
+        pdf="results/report/comparison.pdf",
+    log:
+        "logs/conclude.log",
+    params:
+        told=report_plan(),
+        plan=REPORT_PLAN,
+        code=code_digest("silmesh.steps.conclude"),
+    message:
+        "comparing the variants"
+    shell:
+        "python -m silmesh.steps conclude --plan {params.plan:q} --table {output.table:q}"
+        " --latex {output.latex:q} --figures {output.svg:q} {output.pdf:q} 2> {log:q}"
+
+
+rule page:
+    input:
+        conclusions="results/report/comparison.csv",
+        losses=every_run("results/{0}/{1}/loss.csv"),
+        metrics=every_run("results/{0}/{1}/metrics.json"),
+        pictures=every_shown("results/report/pictures/{0}/{1}.png"),
+        exhibits=every_shown("results/report/exhibits/{0}/{1}.json"),
+        figures=every_shown("results/report/figures/{0}.svg"),
         scenes=every_run("results/{0}/stages/scenes/{2}"),
         rings=every_run("results/report/cameras/{0}/{2}.png"),
         sheets=every_run("results/report/silhouettes/{0}/{3}.png"),
@@ -173,4 +208,5 @@ rule page:
         "writing results/report/report.html"
     shell:
         "python -m silmesh.steps report --plan {params.plan:q} --losses {output.losses:q}"
+        " --conclusions {input.conclusions:q}"
         " --summary {output.summary:q} --page {output.page:q} 2> {log:q}"

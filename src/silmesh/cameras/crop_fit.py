@@ -135,7 +135,8 @@ def fit_crops(
     x = cropped.fit(x, shared, FINE_STEPS, frontier=False)
     progress(FITTED)
     x, pixels, agrees = _fit_agreeing(cropped, x, shared)
-    if _are_uneven(*_select(cropped, x, np.flatnonzero(agrees))):
+    agreeing = np.flatnonzero(agrees)
+    if len(agreeing) >= FEWEST_AGREEING and _are_uneven(*_select(cropped, x, agreeing)):
         angles = turn.shared + np.arange(len(agrees))
         x = cropped.fit(x, np.r_[shared, angles], FINE_STEPS, frontier=False)
         x, pixels, agrees = _fit_agreeing(cropped, x, shared)

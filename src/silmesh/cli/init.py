@@ -43,6 +43,7 @@ CONFIGURATION = """\
 # What is made of every object of datasets.tsv; all keys are in silmesh's manual.
 datasets: datasets.tsv
 views: {size: 256, resize: pad}   # the working images
+texture: {size: auto}             # or its side in pixels; 0: colours of the vertices
 quality: {policy: auto}           # of outliers among the silhouettes: keep, drop, repair, auto
 variants:                         # experiments by name; each object runs every one
   mesh:

@@ -57,6 +57,29 @@ class _Method(click.ParamType):
         return [CompletionItem(name) for name in self.choices if name.startswith(incomplete)]
 
 
+class _TextureSize(click.ParamType):
+    """Pixels of a texture's side; the configuration says none as 0."""
+
+    name = "size"
+    words = ("auto", "none")
+
+    def convert(self, value: str | int, param: Any, ctx: Any) -> str | int:
+        if value == "none":
+            return 0
+        if value == "auto" or isinstance(value, int):
+            return value
+        try:
+            return int(value)
+        except ValueError:
+            self.fail(f"{value!r} is neither 'auto', 'none' nor a number of pixels", param, ctx)
+
+    def get_metavar(self, param: click.Parameter, ctx: Any = None) -> str:
+        return "[auto|none|PIXELS]"
+
+    def shell_complete(self, ctx: Any, param: Any, incomplete: str) -> list[Any]:
+        return [CompletionItem(word) for word in self.words if word.startswith(incomplete)]
+
+
 class _Make(click.Command):
     """The command without a name."""
 
@@ -119,7 +142,8 @@ def main() -> None:
     type=click.Path(path_type=Path, writable=True),
     default="mesh.glb",
     show_default=True,
-    help="The mesh to write: .glb or .obj with colours, .ply with colours, .stl.",
+    help="The mesh to write: .glb or .obj (with .mtl and .png) with its texture, .ply with colours "
+    "of its vertices, .stl.",
 )
 @click.option(
     "--page",
@@ -156,7 +180,15 @@ def main() -> None:
     help="Of photographs between which the object was turned over: folders or globs of names, as "
     "'upright*;turned*'.",
 )
-@click.option("--size", default=256, show_default=True, help="Pixels of the working images.")
+@click.option(
+    "--detail",
+    type=click.Choice(["draft", "normal", "high"]),
+    help="draft: small and quick; normal: as without this; high: the photographs' own size, as far "
+    "as 8 GiB reach. Time and memory are said beforehand.",
+)
+@click.option(
+    "--size", type=int, help="Pixels of the working images. Default: that of --detail, 256."
+)
 @click.option("--init", default="hull", show_default=True, help="Initial mesh: its shape.")
 @click.option(
     "--preset",
@@ -171,6 +203,19 @@ def main() -> None:
     default="auto",
     show_default=True,
     help="What is done with photographs whose outline the others contradict.",
+)
+@click.option(
+    "--photometric",
+    type=click.Choice(["auto", "none"]),
+    help="Hollows that no outline shows, from photographs that agree: tried by the preset fast "
+    "unless it is none, and taken if photographs that were kept out confirm it.",
+)
+@click.option(
+    "--texture",
+    type=_TextureSize(),
+    default="auto",
+    show_default=True,
+    help="Side of the texture in pixels: auto by the photographs; none for colours of vertices.",
 )
 @click.option("--cores", type=click.IntRange(1), default=os.cpu_count(), help="Default: all.")
 @click.option(

@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from glob import escape
 from pathlib import Path
 from typing import Any
@@ -19,16 +19,19 @@ from silmesh.cli.outcome import (
     describe_repairs,
     export,
     find_doubts,
+    name_outputs,
     refuse_suffix,
 )
 from silmesh.cli.runner import RunError, Runner
 from silmesh.cli.workspace import Workspace, claim, name_links, place_of, try_workspace
 from silmesh.errors import InputError, shorten
 from silmesh.files import try_file
+from silmesh.geometry.obj_companions import try_companions
 from silmesh.geometry.thresholds import CONVINCING
 from silmesh.intake.photographs import (
     describe_count,
     find_cameras,
+    find_longest,
     find_masks,
     find_photographs,
     find_unread,
@@ -40,6 +43,10 @@ from silmesh.naming import name_views
 from silmesh.own_code import own_file
 from silmesh.planning.datasets import usable
 from silmesh.scene.diagnosis import MEASURED, describe_masks
+from silmesh.settings.detail import NORMAL, choose_detail
+from silmesh.settings.fit import name_fit
+from silmesh.settings.init import mesh_file
+from silmesh.settings.texture import NONE
 from silmesh.silhouettes.mask import refuse_labels
 from silmesh.silhouettes.weights import CACHE
 
@@ -48,9 +55,11 @@ OTHER_KEEP = "--keep should name another folder"
 OTHER_CACHE = f"--keep FOLDER works in another one, and ${CACHE} may name another folder for all"
 PAGE = "results/report/report.html"
 RESULTS = ("mesh.glb", "mesh.obj", "metrics.json")
+TEXTURED = ("mesh.mtl", "mesh.png", "coloured.ply")  # beside these, of a mesh with a texture
 FILE = "file"  # the source of cameras that a path follows
 MASK = "mask"  # the source of silhouettes that are files
 TAKING_SETS = (None, "calibrate", "auto")  # sources of cameras; None where they are chosen
+PHOTOMETRIC = {None: None, "auto": "auto", "none": False}  # words of the command
 BEFORE_CAMERAS = ("", "views", "fetch_weights", "silhouettes")  # other cameras do not mend these
 
 
@@ -76,14 +85,15 @@ def make_mesh(
         keep: the folder to work in; None for one in the cache
         masks: their folder; None where they are not given
         silhouettes, cameras: sources; None where they are to be chosen
-        options: of the configuration: ``turntable``, ``sets``, ``size``, ``init``, ``preset``,
-            ``quality``
+        options: of the configuration: ``turntable``, ``sets``, ``detail``, ``size``, ``init``,
+            ``preset``, ``quality``, ``photometric``, ``texture``; None where a level of detail or
+            a size is not given
 
     Raises:
         InputError: what is named cannot be used
         RunError: a step of the workflow failed
     """
-    _try_outputs(output, page)
+    _try_outputs(output, page, options["texture"] != NONE)
     _refuse_sets(paths, options["sets"], cameras)
     folder, name = place_of(paths, keep)
     try_workspace(folder, OTHER_KEEP if keep else OTHER_CACHE)
@@ -95,11 +105,13 @@ def make_mesh(
     if silhouettes == MASK:
         refuse_labels(found)
     options["sets"] = _name_sets(options["sets"], files)
+    options["chosen"] = _choose_detail(files, options, cores)
     if options["sets"]:
         _say(*filter(None, [describe_unused(tries[0])]))
     work = Workspace(folder, name, tuple(files), tuple(found))
     work.check(*_configure(silhouettes, tries[0], options)[1:])
-    _refuse_inputs((output, page), (*paths, *files, *found, *_list_files(cameras)))
+    outputs = (*name_outputs(output, options["texture"] != NONE), page)
+    _refuse_inputs(outputs, (*paths, *files, *found, *_list_files(cameras)))
     if before := work.prepare():
         _say(f"the results in {work.folder} are of silmesh {before}; what changed is made anew")
     runner = Runner(work.folder, cores, verbose)
@@ -109,7 +121,7 @@ def make_mesh(
         variant, tried = _try(work, runner, bar, silhouettes, tries, options, besides)
     finally:
         bar.close()
-    export(work.folder / work.result(variant, ""), output)
+    export(work.folder / work.result(variant, ""), output, options["texture"] != NONE)
     if page:
         copy(work.folder / PAGE, page)
     _say_outcome(work, variant, tried, output, len(find_unread(named, files)))
@@ -125,10 +137,12 @@ def _say_outcome(
         unread: how many photographs are in formats that are not read
     """
     metrics = _read(work, variant)
+    if relief := metrics.get("relief"):
+        _say(relief["said"])
     _say(*(_as_written(warning, tried[-1]) for warning in metrics["cameras"]["warnings"]))
     _say(*describe_repairs(metrics))
-    for stage in ("first", "fit"):
-        _say(*metrics[stage]["warnings"])
+    for stage in ("first", "fit", "texture"):
+        _say(*metrics.get(stage, {}).get("warnings", ()))
     doubts = find_doubts(metrics, work.folder / "results", tried, unread)
     click.echo(describe(output, metrics, doubts))
     _say(*(f"doubtful: {doubt}" for doubt in doubts))
@@ -146,7 +160,7 @@ def _list_files(cameras: str | None) -> Sequence[Path]:
     return locate(path).files if path else ()
 
 
-def _try_outputs(output: Path, page: Path | None) -> None:
+def _try_outputs(output: Path, page: Path | None, textured: bool) -> None:
     """Try whether what is asked for can be written where it is wanted.
 
     Raises:
@@ -154,11 +168,14 @@ def _try_outputs(output: Path, page: Path | None) -> None:
     """
     refuse_suffix(output)
     try_file(output)
+    written = name_outputs(output, textured)
+    if len(written) > 1:
+        try_companions(output)
     if page:
         try_file(page)
         if os.path.lexists(page) and is_picture(page):
             raise InputError(f"{page}: is a picture or a video; should be the page to write")
-        if _place_of(page) == _place_of(output):
+        if _place_of(page) in map(_place_of, written):
             raise InputError(f"{page}: should be another file than that of the mesh")
 
 
@@ -263,6 +280,18 @@ def _choose(
     return silhouettes, tries
 
 
+def _choose_detail(
+    files: Sequence[Path], options: Mapping[str, Any], cores: int
+) -> Mapping[str, Mapping[str, Any]]:
+    """The settings of a level of detail; if it is asked for, what they will cost is said."""
+    detail, size, preset = (options[name] for name in ("detail", "size", "preset"))
+    longest = find_longest(files) if detail else 0
+    chosen = choose_detail(detail or NORMAL, longest, len(files), size, cores, preset)
+    if detail:
+        _say(*chosen.said)
+    return chosen.settings
+
+
 def _try(
     work: Workspace,
     runner: Runner,
@@ -331,7 +360,8 @@ def _run(
         work.configure(row, values)
     except InputError as error:
         raise InputError(work.restore(str(error))) from error
-    runner.run([*(work.result(variant, name) for name in RESULTS), *besides], bar)
+    names = RESULTS if options["texture"] == NONE else (*RESULTS, *TEXTURED)
+    runner.run([*(work.result(variant, name) for name in names), *besides], bar)
     return variant
 
 
@@ -344,16 +374,20 @@ def _configure(
     where = f"{kind}:{usable(file.absolute())}" if file else cameras
     variant = kind if kind.isidentifier() else "mesh"
     init, preset = _from_anywhere(options["init"]), _from_anywhere(options["preset"])
+    photometric = PHOTOMETRIC[options["photometric"]]
     row = {
         "silhouettes": _from_anywhere(silhouettes),
         "cameras": where,
         "turntable": options["turntable"],
         "sets": options["sets"],
     }
+    chosen = options["chosen"]
+    fit = {**name_fit(preset, photometric), **chosen.get("fit", {})}
     values = {
-        "views": {"size": options["size"]},
+        "views": chosen["views"],
         "quality": {"policy": options["quality"]},
-        "variants": {variant: {"init": {"shape": init}, "fit": {"preset": preset}}},
+        "variants": {variant: {"init": {"shape": init}, "fit": fit}},
+        "texture": {"size": options["texture"]},
     }
     return variant, row, values
 
@@ -368,6 +402,8 @@ def _name_sets(cell: str, files: Sequence[Path]) -> str:
 
 def _from_anywhere(method: str) -> str:
     """A method's name, the path of a person's own made absolute: the workflow runs elsewhere."""
+    if mesh := mesh_file(method):
+        return f"file:{usable(mesh.absolute())}"
     return str(Path(method).absolute()) if own_file(method) else method
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 from silmesh.errors import NAMED, InputError, name_some
 from silmesh.files import replacing
+from silmesh.geometry.obj_companions import copy_obj, name_companions
 from silmesh.geometry.thresholds import COHERENT
 from silmesh.naming import quote
 
@@ -196,20 +197,33 @@ def _advise_others(tried: Sequence[str]) -> str:
     return f"try {', '.join(others)}; or {KNOWN}" if others else KNOWN
 
 
-def export(results: Path, output: Path) -> None:
+def name_outputs(output: Path, textured: bool) -> tuple[Path, ...]:
+    """The mesh to write, and what is written beside it."""
+    several = textured and output.suffix.lower() == ".obj"
+    return (output, *name_companions(output)) if several else (output,)
+
+
+def export(results: Path, output: Path, textured: bool = False) -> None:
     """Write a result's mesh where it is wanted, in the format of its ending.
 
     Args:
         results: the folder of ``mesh.glb`` and ``mesh.obj``
+        textured: whether these have a texture, and ``coloured.ply`` has colours of the vertices
+
+    Raises:
+        InputError: a person's file is where an OBJ's MTL or PNG belongs
     """
     suffix = output.suffix.lower()
-    if suffix in (".glb", ".obj"):
+    if len(name_outputs(output, textured)) > 1:
+        copy_obj(results / "mesh.obj", output)
+    elif suffix in (".glb", ".obj"):
         copy(results / f"mesh{suffix}", output)
     else:
         import trimesh
 
+        coloured = results / ("coloured.ply" if textured else "mesh.obj")
         with replacing(output) as part:
-            trimesh.load_mesh(results / "mesh.obj", process=False).export(part, suffix[1:])
+            trimesh.load_mesh(coloured, process=False).export(part, suffix[1:])
 
 
 def copy(made: Path, output: Path) -> None:

@@ -26,6 +26,8 @@ def evaluate(
     silhouettes: str | None = None,
     truth: trimesh.Trimesh | None = None,
     align: bool = False,
+    relief: Mapping[str, Any] | None = None,
+    texture: Mapping[str, Any] | None = None,
     voxels: np.ndarray | None = None,
 ) -> dict[str, Any]:
     """Measure a fitted mesh: IoU with its silhouettes, and in 3D where a truth is given.
@@ -42,6 +44,8 @@ def evaluate(
         silhouettes: where they lie, as the metrics say it
         truth: the true mesh, in the cameras' world
         align: register the mesh with the truth first
+        relief: ``relief.json``, where photographs were to have a say in the mesh
+        texture: ``texture.json`` of the texture
         voxels: that the truth was made of, as ``silmesh.geometry.voxels`` has them
     Returns:
         the metrics, for JSON: ``docs/metrics.md`` says what each is
@@ -58,6 +62,7 @@ def evaluate(
         "vertices": len(mesh.vertices),
         "faces": len(mesh.faces),
         **measure_quality(mesh),
+        **_describe_texture(texture),
         "silhouettes": silhouettes,
     }
     if truth is not None:
@@ -72,6 +77,11 @@ def evaluate(
         metrics["init_iou_mean"] = initial.get("iou_mean")
     if fit is not None:
         metrics["fit"] = dict(fit)
+    if relief is not None:
+        metrics["surface"] = dict(relief["surface"])
+        metrics["relief"] = {key: value for key, value in relief.items() if key != "surface"}
+    if texture is not None:
+        metrics["texture"] = dict(texture)
     metrics["iou"] = dict(zip(cameras.views, iou.tolist(), strict=True))
     return metrics
 
@@ -85,6 +95,19 @@ def _describe_views(notes: Mapping[str, Any]) -> dict[str, Any]:
         "hull_doubtful": ", ".join(notes["doubtful"]) or None,
         "measured": notes.get("measured", []),
         "silhouettes_contradicted": notes.get("contradicted", []),
+    }
+
+
+def _describe_texture(notes: Mapping[str, Any] | None) -> dict[str, Any]:
+    """What the metrics say of the texture, from its notes."""
+    held = (notes or {}).get("held_out") or {}
+    measured = {"texture_psnr_holdout": held.get("psnr")}
+    if notes is None:
+        return measured
+    return measured | {
+        "texture_ssim_holdout": held.get("ssim"),
+        "texture_size": notes["size"],
+        "texture_unseen": notes["unseen"],
     }
 
 

@@ -14,7 +14,7 @@ from silmesh.errors import name_some
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.frame import known_pixels
 from silmesh.geometry.robust_hull import robust_carve
-from silmesh.geometry.silhouette_iou import SHARP, known_iou
+from silmesh.geometry.silhouette_iou import SHARP, as_sharp, known_iou
 from silmesh.scene.scene import Scene
 
 
@@ -64,7 +64,8 @@ class Belief:
             cameras: of all views of the scene
         """
         seen, silhouettes = cameras.select(self.views), scene.silhouettes[self.views]
-        values = known_iou(verts, faces, seen, silhouettes, SHARP, self.known)
+        sharp = as_sharp(SHARP, silhouettes.shape[1:])
+        values = known_iou(verts, faces, seen, silhouettes, sharp, self.known)
         return float(np.average(values, weights=self.weights))
 
 

@@ -12,6 +12,7 @@ from torch import Tensor
 from silmesh.errors import InputError
 from silmesh.fitting.belief import Belief, believe_all
 from silmesh.fitting.checkpoint import Checkpoint
+from silmesh.fitting.image_pyramid import BASE
 from silmesh.fitting.loop import Record
 from silmesh.fitting.loop import run as run_fit
 from silmesh.fitting.presets import find_procedure, refuse_result
@@ -19,7 +20,7 @@ from silmesh.geometry.camera import Cameras
 from silmesh.geometry.mesh_files import to_tensors
 from silmesh.own_code import naming, own_file
 from silmesh.scene.scene import Scene
-from silmesh.settings.fit import Fit, refuse_clash
+from silmesh.settings.fit import FastFit, Fit, refuse_clash
 from silmesh.views import held_out
 
 
@@ -34,6 +35,9 @@ class Fitted:
         settings: by which it was fitted
         notes: mean IoU of the start and of the end with what counts of the silhouettes, the views
             of which not all counts, and what a person should know, in sentences
+        relief: after photographs had a say: what came of it, as ``relief.json`` says it
+        standing: [verts] uint8, then: what each vertex stands on, 0 outlines, 1 photographs, 2 a
+            guess
     """
 
     mesh: trimesh.Trimesh
@@ -41,6 +45,8 @@ class Fitted:
     records: Sequence[Record]
     settings: Fit
     notes: Mapping[str, Any] = field(default_factory=dict)
+    relief: Mapping[str, Any] | None = None
+    standing: np.ndarray | None = None
 
     def warning(self, what: str) -> "Fitted":
         """The same with another warning among its notes."""
@@ -74,11 +80,11 @@ def fit_mesh(
     kept, known = belief.views, belief.known
     device = _choose_device(settings)
     template, faces = (part.to(device) for part in to_tensors(mesh))
-    silhouettes = torch.tensor(scene.silhouettes[kept]).to(device, torch.float32)
+    silhouettes = _to_tensor(scene.silhouettes, settings, device, kept)
     weights = _weights(belief.weights.tolist(), device)
     parts = template, faces, cameras.select(kept), silhouettes, settings, weights
     if known is not None and not own_file(settings.preset):
-        parts = *parts, torch.tensor(known).to(device, torch.float32)
+        parts = *parts, _to_tensor(known, settings, device)
     checkpoint = go_on(parts) if go_on else None
     with naming(settings.preset, settings.renderer):
         fit = find_procedure(settings.preset)(*parts)
@@ -109,6 +115,20 @@ def to_mesh(verts: Tensor, faces: Tensor) -> trimesh.Trimesh:
     """A mesh as it is read from the file that is written of it."""
     single = verts.cpu().numpy().astype(np.float32)
     return trimesh.Trimesh(single.astype(np.float64), faces.cpu().numpy(), process=False)
+
+
+def _to_tensor(
+    images: np.ndarray, settings: Fit, device: str, kept: list[int] | None = None
+) -> Tensor:
+    """Images [views, height, width] bool as the procedure takes them: 0 or 1.
+
+    Large ones stay as they are where the procedure looks at parts of them, which are turned into
+    numbers then.
+    """
+    if isinstance(settings, FastFit) and images.shape[-1] > BASE:
+        every = kept is None or kept == list(range(len(images)))
+        return torch.from_numpy(images if every else images[kept])
+    return torch.tensor(images if kept is None else images[kept]).to(device, torch.float32)
 
 
 def _weights(counts: Sequence[float], device: str) -> Tensor | None:

@@ -1,14 +1,23 @@
-"""An image pyramid of silhouettes: images from coarse to fine, the coarser ones rendered softer."""
+"""An image pyramid of silhouettes: images from coarse to fine, the coarser ones rendered softer.
 
-from dataclasses import dataclass
+Of working images of more than BASE pixels a pyramid is made of small ones of that size, and then of
+as many finer levels as lead to their own size, of which only a band about the outlines is looked at
+(``silmesh.fitting.band``).
+"""
 
+from dataclasses import dataclass, replace
+
+import numpy as np
 import torch
 from torch import Tensor
 
+from silmesh.fitting.band import BandLevel, choose_factors
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.frame import WHOLE
+from silmesh.geometry.small_images import shrink
 
 FACTORS = (4, 2, 1)  # by which the images of the levels are smaller, the coarsest first
+BASE = 256  # pixels a side: of larger working images only a band is looked at
 SMALLEST = 32  # pixels a side: levels with smaller images are left out
 # Sigma grows with the factor to the power of 2 SOFTER. With 1 it would be constant in pixels.
 SOFTER = 1.5
@@ -26,7 +35,7 @@ class PyramidLevel:
         known: [views, height, width], how much of each pixel its photograph shows; None if all
     """
 
-    factor: int
+    factor: float
     silhouettes: Tensor
     sigma: float
     pixel: float
@@ -35,9 +44,66 @@ class PyramidLevel:
     def scale_cameras(self, cameras: Cameras) -> Cameras:
         """Cameras of the working images, scaled to the images of this level."""
         shrink = torch.diag(torch.tensor([1 / self.factor, 1 / self.factor, 1.0]))
-        return cameras.in_pixels_of(
-            shrink.double().expand(len(cameras), 3, 3), cameras.sizes // self.factor
-        )
+        sizes = torch.tensor([self.silhouettes.shape[:0:-1]]).expand(len(cameras), 2)
+        return cameras.in_pixels_of(shrink.double().expand(len(cameras), 3, 3), sizes)
+
+
+@dataclass(frozen=True)
+class Images:
+    """What a fit is told of its views: cameras, silhouettes and which pixels are known.
+
+    Attributes:
+        cameras: of the working images
+        silhouettes: [views, height, width]
+        known: [views, height, width], the pixels of which each view says anything; None if of all
+    """
+
+    cameras: Cameras
+    silhouettes: Tensor
+    known: Tensor | None = None
+
+    @property
+    def large(self) -> bool:
+        """Whether they have finer levels than dense ones."""
+        return self.silhouettes.shape[-1] > BASE
+
+    def shrink(self, device: torch.device) -> "Images":
+        """The same in images of BASE pixels, float32: 0 or 1; those that are not larger as is."""
+        if not self.large:
+            return self
+        small, cameras = shrink(self.silhouettes.cpu().numpy() > 0, self.cameras, BASE)
+        known = None
+        if self.known is not None:
+            known, _ = shrink(self.known.cpu().numpy() > 0, self.cameras, BASE)
+        parts = (part if part is None else _to_floats(part, device) for part in (small, known))
+        return Images(cameras, *parts)
+
+
+def _to_floats(part: np.ndarray, device: torch.device) -> Tensor:
+    return torch.from_numpy(part).to(device, torch.float32)
+
+
+def build_levels(
+    images: Images, small: Images, sigma: tuple[float, float], coarse_to_fine: bool
+) -> list[PyramidLevel | BandLevel]:
+    """All levels of a fit, the finest last; of ``images`` that are not large a plain pyramid.
+
+    Args:
+        small: ``images.shrink()``
+        sigma: of the finest level, and of the finest one of ``small``
+    """
+    dense = build_pyramid(small.cameras, small.silhouettes, sigma[1], coarse_to_fine, small.known)
+    if not images.large:
+        return dense
+    size = images.silhouettes.shape[-1]
+    ratio = size / small.silhouettes.shape[-1]
+    known = None if images.known is None else images.known.cpu().numpy() > 0
+    silhouettes = images.silhouettes.cpu().numpy() > 0
+    bands = [
+        BandLevel(f, silhouettes, sigma[0] * f**2, dense[-1].pixel * f / ratio, known)
+        for f in choose_factors(size, BASE)
+    ]
+    return [*(replace(level, factor=level.factor * ratio) for level in dense), *bands]
 
 
 def build_pyramid(

@@ -56,8 +56,11 @@ class Objective:
                 silhouettes have to be multiplied by already; all of it if not given
         """
         alpha = alpha if known is None else alpha * known
-        iou, laplacian = iou_loss(alpha, silhouettes, weights), self._laplacian(verts)
-        flatten = self._flatten(verts)
+        return self.sum(verts, iou_loss(alpha, silhouettes, weights))
+
+    def sum(self, verts: Tensor, iou: Tensor) -> Losses:
+        """The losses of vertices [verts, 3] whose IoU loss is known."""
+        laplacian, flatten = self._laplacian(verts), self._flatten(verts)
         loss = iou + self._weights.laplacian * laplacian + self._weights.flatten * flatten
         return Losses(loss, iou, laplacian, flatten)
 
@@ -72,7 +75,14 @@ def iou_loss(alpha: Tensor, silhouettes: Tensor, weights: Tensor | None = None) 
     """
     p, t = alpha.flatten(1), silhouettes.flatten(1)
     both, rendered = _Sums.apply(p, t)
-    either = rendered + t.sum(1) - both
+    return complement(both, rendered, t.sum(1), weights)
+
+
+def complement(
+    both: Tensor, rendered: Tensor, shown: Tensor, weights: Tensor | None = None
+) -> Tensor:
+    """1 - mean over the views of the IoU, of what is rendered and shown, and both: [views]."""
+    either = rendered + shown - both
     iou = both / (either + EPS)
     if weights is None:
         return 1 - iou.mean()

@@ -5,6 +5,7 @@ with a function ``soft_silhouettes``, or ``path/to/file.py:function`` of a perso
 """
 
 from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 from typing import Any
 
@@ -16,6 +17,7 @@ from silmesh.fitting.loop import NotFinite
 from silmesh.own_code import ask, load, own_file
 from silmesh.settings.fit import AUTO
 from silmesh.softras import check_arguments, soft_silhouettes
+from silmesh.softras.tiles import Tiles, gather_tiles, soft_tiles
 
 Renderer = Callable[..., Tensor]  # of points, faces, size and sigma, as soft_silhouettes is
 
@@ -50,6 +52,22 @@ def find_renderer(name: str) -> Renderer:
         return alpha
 
     return checked
+
+
+def find_tile_renderer(name: str) -> Renderer:
+    """What renders soft silhouettes in tiles, as ``soft_tiles`` does, under a name.
+
+    Of a renderer that knows no tiles whole images are rendered and cut.
+    """
+    if name in (AUTO, "cpu"):
+        return soft_tiles
+    return partial(_cut_tiles, find_renderer(name))
+
+
+def _cut_tiles(
+    render: Renderer, points: Tensor, faces: Tensor, tiles: Tiles, sigma: float
+) -> Tensor:
+    return gather_tiles(render(points, faces, tiles.size, sigma=sigma), tiles)
 
 
 def _refuse_other(name: str, alpha: Any, points: Tensor, size: tuple[int, int]) -> None:

@@ -72,7 +72,7 @@ def fit_robustly(
     end = fitted.notes["iou_end"]
     if shape not in MISLEADING or end >= max(COHERENT, fitted.notes["iou_start"] - LESS):
         return fitted
-    init = Init(shape=FALLBACK, vertices=len(mesh.vertices), align="bbox", genus="keep")
+    init = Init(shape=FALLBACK, vertices=len(mesh.vertices), align="bbox", genus="keep", moved=0)
     other = make_initial_mesh(init, scene.silhouettes, scene.cameras, frames=scene.frames).mesh
     if _is_same(mesh, other):
         return fitted

@@ -96,7 +96,8 @@ def collapse_short(
     for _ in range(rounds):
         edges, _ = number_edges(faces)
         length = _lengths(verts, edges)
-        short = np.flatnonzero((length < shortest) & _collapsible(edges, faces, len(verts)))
+        short = np.flatnonzero(length < shortest)
+        short = short[_collapsible(edges, short, faces, len(verts))]
         short = edges[short[np.argsort(length[short], kind="stable")]]
         moved, onto = _collapse(verts, faces, short, longest)
         if (onto == np.arange(len(verts))).all():
@@ -129,13 +130,14 @@ def _pull(verts: Floats, edges: Ints) -> tuple[Floats, Ints]:
     return moved, onto
 
 
-def _collapsible(edges: Ints, faces: Ints, count: int) -> NDArray[np.bool_]:
-    """Whether an edge's ends share two neighbours and no more, which have others beside them."""
+def _collapsible(edges: Ints, some: Ints, faces: Ints, count: int) -> NDArray[np.bool_]:
+    """Whether the ends of some edges share two neighbours and no more, which have others beside."""
     adjacent = _adjacency(edges, count)
-    shared = np.asarray((adjacent @ adjacent)[edges[:, 0], edges[:, 1]]).ravel()
+    a, b = edges[some].T
+    shared = np.asarray(adjacent[a].multiply(adjacent[b]).sum(axis=1)).ravel()
     degree = np.bincount(edges.ravel(), minlength=count)
     diamonds, _ = _diamonds(faces)
-    thin = (degree[diamonds[:, 2:]] <= 3).any(axis=1)
+    thin = (degree[diamonds[some, 2:]] <= 3).any(axis=1)
     return (shared == 2) & ~thin
 
 

@@ -9,10 +9,20 @@ from torch import Tensor
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.frame import known_pixels
 from silmesh.geometry.overlap import iou
+from silmesh.geometry.small_images import LARGEST, shrink, shrink_frames
 from silmesh.geometry.visual_hull import Hull
 from silmesh.softras.batches import render_views
 
 SHARP = 1e-6  # sigma of a rendering that is almost a mask
+SHARP_SIZE = 256  # pixels: in larger images it is as sharp in pixels as in these
+
+
+def as_sharp(sigma: float, size: Sequence[int]) -> float:
+    """A sigma for images of ``size`` that are as sharp in pixels as those of ``SHARP_SIZE``.
+
+    In smaller images it is the same.
+    """
+    return sigma * min(1.0, SHARP_SIZE / max(size)) ** 2
 
 
 def silhouette_iou(
@@ -67,16 +77,20 @@ def coherence(
     """IoU of the visual hull, rendered almost sharply, with each silhouette: [views].
 
     It is no ceiling for a mesh, which may overstep a silhouette. But where it is low, the cameras
-    and the silhouettes contradict each other, and no mesh will do well. An empty hull has 0.
+    and the silhouettes contradict each other, and no mesh will do well. An empty hull has 0. What
+    is larger than ``LARGEST`` pixels is compared in images of that size.
     """
     if hull.empty:
         return np.zeros(len(cameras))
+    if max(silhouettes.shape[1:]) > LARGEST:
+        frames = shrink_frames(silhouettes, LARGEST, frames)
+        silhouettes, cameras = shrink(silhouettes, cameras, LARGEST)
     verts, faces = hull.surface()
     return silhouette_iou(
         torch.as_tensor(verts.copy(), dtype=torch.float32),
         torch.as_tensor(faces.astype(np.int64)),
         cameras,
         silhouettes,
-        SHARP,
+        as_sharp(SHARP, silhouettes.shape[1:]),
         frames,
     )

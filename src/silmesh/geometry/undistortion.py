@@ -83,7 +83,12 @@ class Undistorted:
     bent: Mapping[str, Bent] = field(default_factory=dict)
 
     def silhouettes(self, old: np.ndarray) -> np.ndarray:
-        """Silhouettes [views, height, width] bool in the order of the cameras, undistorted."""
+        """Silhouettes [views, height, width] bool in the order of the cameras, undistorted.
+
+        Those themselves if none changes.
+        """
+        if not self.sources:
+            return old
         views = zip(self.cameras.views, old, strict=True)
         return np.stack([self._silhouette(view, silhouette) for view, silhouette in views])
 

@@ -30,6 +30,7 @@ from skimage.measure import block_reduce, marching_cubes
 from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
 from silmesh.geometry.frame import bound_object, open_frames
 from silmesh.geometry.signed_distance import measure_within
+from silmesh.geometry.small_images import LARGEST, shrink, shrink_frames
 
 REACH = 1 / 16  # signed distances are cut off beyond this share of the image's side
 COARSE = 48  # samples a side of the first grid, which only finds the hull's bounding box
@@ -104,6 +105,8 @@ def carve(
 ) -> Hull:
     """Carve the visual hull out of the cube about the sphere that holds the object.
 
+    Silhouettes of more than ``LARGEST`` pixels are shrunk first: the grid is coarser than they are.
+
     Args:
         silhouettes: [views, height, width] bool
         cameras: of these views, in the normalised world
@@ -111,6 +114,11 @@ def carve(
         tolerated: how many views may see a point of the hull outside their silhouette
         frames: [views, 4] of the photographs within the images; the whole images if not given
     """
+    if max(silhouettes.shape[1:]) > LARGEST:
+        ratio = max(silhouettes.shape[1:]) / LARGEST
+        frames = shrink_frames(silhouettes, LARGEST, frames)
+        hull = carve(*shrink(silhouettes, cameras, LARGEST), resolution, tolerated, frames)
+        return replace(hull, field=np.float32(ratio) * hull.field)
     low, high = np.full(3, -1.6 * OBJECT_RADIUS), np.full(3, 1.6 * OBJECT_RADIUS)
     with ThreadPoolExecutor(torch.get_num_threads()) as pool:
         outlines = _outlines(silhouettes, cameras, pool, frames)

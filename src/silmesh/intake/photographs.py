@@ -423,3 +423,12 @@ def _kind(file: Path) -> str:
         return ""  # what is done with it depends on the policy
     camera = " ".join(str(exif[tag]).strip("\0 ") for tag in (MAKER, MODEL) if tag in exif)
     return f"of {longer}x{shorter}" + (f" by {camera}" if camera else "")
+
+
+def find_longest(files: Sequence[Path]) -> int:
+    """The longer side of the largest of some photographs, in pixels; 0 if none can be read."""
+    longest = 0
+    for file in files:
+        with suppress(Exception), open_image(file) as image:  # said where it is read
+            longest = max(longest, *image.size)
+    return longest

@@ -1,6 +1,7 @@
 """The configuration: the sections of a run and of its variants, and how a wrong one is refused.
 
-The sections of the stages are described in ``silmesh.settings``.
+The sections of the stages are described in ``silmesh.settings``. Replicates and sweeps are laid out
+as variants before (``silmesh.planning.experiments``).
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,14 +12,19 @@ from pydantic import Field, model_validator
 from silmesh.errors import InputError
 from silmesh.settings.cameras import Calibrate, CameraSource, Colmap
 from silmesh.settings.check import check
+from silmesh.settings.comparison import ComparisonSettings
 from silmesh.settings.fit import FastFit, Fit
 from silmesh.settings.init import Init
 from silmesh.settings.quality import Quality
-from silmesh.settings.section import Name, Table
+from silmesh.settings.section import Name, Table, whole
 from silmesh.settings.silhouettes import Networks, SilhouetteSource
+from silmesh.settings.sweep import Sample
+from silmesh.settings.texture import Texture
 from silmesh.settings.train import Train
 from silmesh.settings.views import Views
 
+Count = whole(1, 1000)
+Values = Annotated[dict[str, list[Any]], "keys, each with a list of values"]
 STAGES = "stages"  # the folder beside an object's variants that holds what they share
 
 
@@ -31,6 +37,7 @@ class Shared(Networks):
     quality: Quality = Field(
         Quality(), description="what is done with outliers among the silhouettes"
     )
+    texture: Texture = Field(Texture(), description="the colours of the mesh")
 
 
 class Variant(Shared):
@@ -41,6 +48,15 @@ class Variant(Shared):
     published: Name | None = Field(
         None, description="the published curve's variant, where it is not this one's name"
     )
+    replicates: Count | None = Field(
+        None,
+        description="how often the fit is repeated, each time from a template moved a little; "
+        "overrides the run's",
+    )
+    sweep: Values | None = Field(
+        None, description="a variant for each combination: `{fit.learning_rate: [0.01, 0.1]}`"
+    )
+    sample: Sample | None = Field(None, description="which of a sweep's combinations; all")
     init: Init = Field(Init(), description="the initial mesh")
     fit: Fit = Field(FastFit(), description="the fit")
 
@@ -49,6 +65,10 @@ class Config(Shared):
     """A run."""
 
     datasets: Table = Field(description="the dataset list, relative to the working directory")
+    replicates: Count = Field(1, description="how often each fit is repeated")
+    comparison: ComparisonSettings = Field(
+        ComparisonSettings(), description="of the variants with one of them"
+    )
     train: Train | None = Field(None, description="training of DeepLabv3: `bin/run train`")
     published: Table | None = Field(
         None, description="loss curves to draw beside ours: object,variant,iteration,loss"

@@ -130,3 +130,9 @@ def refuse_lacking_backgrounds(key: str, source: str) -> None:
     if source != "shipped":
         with blaming(key):
             find_images(Path(source))
+
+
+def refuse_lacking_mesh(key: str, file: Path | None) -> None:
+    """Refuse a mesh of a person's own that is not there."""
+    if file is not None and not file.is_file():
+        raise InputError(f"{key}: {file}: is not there; should be file:path/to/mesh.ply")

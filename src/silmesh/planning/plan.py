@@ -31,14 +31,17 @@ from silmesh.errors import InputError, blaming
 from silmesh.own_code import own_file, own_files, refuse_lacking
 from silmesh.planning.config import Config, Variant, parse_config
 from silmesh.planning.datasets import Dataset, read_datasets, resolve_cameras
+from silmesh.planning.experiments import Member, expand
 from silmesh.planning.feasible import (
     refuse_infeasible,
     refuse_lacking_backgrounds,
+    refuse_lacking_mesh,
     refuse_other_weights,
     refuse_unknown_weights,
 )
 from silmesh.reading import is_array
 from silmesh.report.published import check_published
+from silmesh.settings.init import mesh_file
 from silmesh.settings.section import NAME, Section
 from silmesh.settings.silhouettes import FOREGROUND_MODELS, Networks, weights_file
 from silmesh.settings.train import NEW, TRAINED
@@ -69,17 +72,23 @@ class Run:
     """One object with one variant, everything decided that names its stages.
 
     Attributes:
+        member: the variant, and which experiment's replicate it is
         settings: of all stages
         silhouettes, cameras: where they come from
         published: the variant whose published curve it repeats, if there is one
     """
 
     dataset: Dataset
-    variant: str
+    member: Member
     settings: Variant
     silhouettes: str
     cameras: str
     published: str
+
+    @property
+    def variant(self) -> str:
+        """The variant's name."""
+        return self.member.name
 
     def keys(self, stage: str) -> tuple[str, ...]:
         """What a stage, one of ``FOLDERS``, is called; of cameras there may be several attempts."""
@@ -179,13 +188,19 @@ class Run:
 
     @property
     def initial_own(self) -> list[Path]:
-        """The file of a person's own code that makes the initial mesh, if it does."""
-        return own_files(self.settings.init.shape)
+        """The file of a person's own that the initial mesh is made by or read from, if it is."""
+        shape = self.settings.init.shape
+        return [*own_files(shape), *filter(None, [mesh_file(shape)])]
 
     @property
     def fit_own(self) -> list[Path]:
         """The files of a person's own code that fits or renders, if it does."""
         return own_files(self.settings.fit.preset, self.settings.fit.renderer)
+
+    @property
+    def textured(self) -> bool:
+        """Whether the mesh gets a texture, and not colours of its vertices alone."""
+        return self.settings.texture.wanted
 
     @property
     def policy(self) -> str:
@@ -295,14 +310,48 @@ class Plan:
     """
 
     def __init__(self, values: Mapping[str, Any], where: str):
+        values, self.members = expand(values, where)
         self.config = parse_config(values, where)
         _refuse_lacking_curves(self.config, where)
         datasets = read_datasets(self.config.datasets)
-        self.runs = [run for dataset in datasets for run in _runs_of(dataset, self.config, where)]
+        self.runs = [run for dataset in datasets for run in self._runs_of(dataset, where)]
         for run in self.runs:
             refuse_infeasible(run, where)
+        self.baseline = self._find_baseline(where)
         self.trained_on = _to_train_on(datasets, self.config, where)
         self._having = _index(self.runs)
+
+    def _runs_of(self, dataset: Dataset, where: str) -> list[Run]:
+        """The runs of an object: each member of the variants that its row names."""
+        written = dict.fromkeys(member.written for member in self.members)
+        for name in dataset.variants:
+            if name not in written:
+                raise InputError(
+                    f"{dataset.where}: variants: {name!r} is not in {where}, "
+                    f"which has {', '.join(written)}"
+                )
+        variants = self.config.variants
+        return [
+            _decide(dataset, member, variants[member.name], self.config, where)
+            for name in dataset.variants or written
+            for member in self.members
+            if member.written == name
+        ]
+
+    def _find_baseline(self, where: str) -> str:
+        """The experiment that others are compared with.
+
+        Raises:
+            InputError: it is not run
+        """
+        experiments = list(dict.fromkeys(run.member.experiment for run in self.runs))
+        asked = self.config.comparison.baseline
+        if asked is not None and asked not in experiments:
+            raise InputError(
+                f"{where}: comparison.baseline: {asked!r} is no variant that is run; there are "
+                f"{', '.join(experiments)}"
+            )
+        return asked or experiments[0]
 
     def run(self, object_: str, variant: str) -> Run:
         """The run of an object with a variant."""
@@ -324,6 +373,11 @@ class Plan:
                 names[wildcard] |= set(values)
         found = {name: "|".join(map(re.escape, sorted(v))) or NEVER for name, v in names.items()}
         return found | {"object": NAME, "variant": NAME, "weights": "|".join(FOREGROUND_MODELS)}
+
+    def variants(self, textured: bool) -> str:
+        """A regular expression of the variants with a texture, or of those without."""
+        names = {run.variant for run in self.runs if run.textured == textured}
+        return "|".join(map(re.escape, sorted(names))) or NEVER
 
     def spares(self, object_: str, key: str) -> bool:
         """Whether no run with these silhouettes needs every one of them."""
@@ -408,17 +462,6 @@ def _refuse_lacking(key: str, weights: str, model: str, promised: bool) -> None:
     )
 
 
-def _runs_of(dataset: Dataset, config: Config, where: str) -> list[Run]:
-    for name in dataset.variants:
-        if name not in config.variants:
-            raise InputError(
-                f"{dataset.where}: variants: {name!r} is not in {where}, "
-                f"which has {', '.join(config.variants)}"
-            )
-    names = dataset.variants or config.variants
-    return [_decide(dataset, name, config.variants[name], config, where) for name in names]
-
-
 def _methods_of(variant: Variant) -> dict[str, str]:
     """The methods that a variant names, each by its key: all that may be a person's own."""
     return {
@@ -429,8 +472,9 @@ def _methods_of(variant: Variant) -> dict[str, str]:
     }
 
 
-def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where: str) -> Run:
+def _decide(dataset: Dataset, member: Member, variant: Variant, config: Config, where: str) -> Run:
     """An object's run with a variant: the variant's word, else the row's, else the run's."""
+    name = member.name
     cameras = dataset.cameras
     if variant.cameras:
         try:
@@ -439,6 +483,7 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
             raise InputError(f"{where}: variants.{name}.{error}") from error
     for key, method in _methods_of(variant).items():
         refuse_lacking(f"{where}: variants.{name}.{key}", method)
+    refuse_lacking_mesh(f"{where}: variants.{name}.init.shape", mesh_file(variant.init.shape))
     silhouettes = variant.silhouettes or dataset.silhouettes
     _refuse_unfindable(silhouettes, dataset, name, variant, config, where)
     if cameras == "turntable" and not dataset.turntable.complete:
@@ -455,7 +500,8 @@ def _decide(dataset: Dataset, name: str, variant: Variant, config: Config, where
         "quality": variant.quality.model_copy(update={"policy": policy}),
     }
     settings = variant.model_copy(update=decided)
-    return Run(dataset, name, settings, silhouettes, cameras, variant.published or name)
+    published = variant.published or member.experiment
+    return Run(dataset, member, settings, silhouettes, cameras, published)
 
 
 def _refuse_unfindable(

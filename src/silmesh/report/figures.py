@@ -23,6 +23,7 @@ from matplotlib.text import Text
 from PIL import Image
 
 from silmesh.files import replacing
+from silmesh.report.statistics import interval_of_mean
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#333333")
 DASHES = ("-", (0, (5, 2)), (0, (6, 2, 1.5, 2)))
@@ -39,6 +40,7 @@ LETTERS = 22  # in a line above a picture
 DOTS = {"linestyle": "none", "marker": "o", "ms": 3.6, "mfc": "none", "mew": 1.1}
 EDGE = 0.01  # of the curves' width, that is left free on either side
 LABEL = 1.105  # of the axes' width: where the labels begin
+BAND = 0.2  # opacity of the interval of a mean curve
 LABEL_HEIGHT = 0.058  # of the axes: labels stand at least so far apart
 
 
@@ -57,16 +59,18 @@ def style_of(variant: str, order: Sequence[str]) -> dict[str, Any]:
 
 def draw_figure(
     object_: str,
-    losses: Mapping[str, pd.DataFrame],
+    losses: Mapping[str, Sequence[pd.DataFrame]],
     order: Sequence[str],
     columns: Sequence[Sequence[Image.Image]],
     published: Mapping[str, pd.DataFrame] = MappingProxyType({}),
 ) -> Figure:
     """Draw an object's losses, a line a variant, each labelled at its end; right, the meshes.
 
+    The line of replicates is their mean, in a band of its 95 % interval.
+
     Args:
         object_: the title
-        losses: the ``loss.csv`` of each variant
+        losses: of each variant the ``loss.csv`` of its replicates
         order: all variants of the configuration, which decide the styles
         columns: two views of the photographs, then of each variant's mesh, square pictures
         published: ``iteration`` and ``loss`` of the variants that repeat a published curve
@@ -84,16 +88,20 @@ def draw_figure(
 def draw_losses(
     figure: Figure | SubFigure,
     object_: str,
-    losses: Mapping[str, pd.DataFrame],
+    losses: Mapping[str, Sequence[pd.DataFrame]],
     order: Sequence[str],
     published: Mapping[str, pd.DataFrame],
 ) -> None:
     """Draw the losses in a figure; see ``draw_figure``."""
     axes = figure.add_axes((0.1, 0.13, 0.8, 0.77))  # moved below
     ends = {}
-    for variant, loss in losses.items():
+    for variant, replicates in losses.items():
         style = style_of(variant, order)
+        loss, half = average(replicates)
         axes.plot(loss["iteration"], loss["loss"], linewidth=1.6, **style)
+        if half is not None:
+            low, high = loss["loss"] - half, loss["loss"] + half
+            axes.fill_between(loss["iteration"], low, high, color=style["color"], alpha=BAND, lw=0)
         ends[f"{variant}  {loss['loss'].iloc[-1]:.4f}"] = (loss.iloc[-1], style)
         if variant in published:
             curve = published[variant]
@@ -104,6 +112,24 @@ def draw_losses(
         axes.plot([], [], label="published in the report", **DOTS, color=INK)
         axes.legend(loc="upper right", frameon=False, labelcolor=INK)
     _label_ends(axes, ends)
+
+
+def average(replicates: Sequence[pd.DataFrame]) -> tuple[pd.DataFrame, np.ndarray | None]:
+    """The mean loss of replicates and half the width of its 95 % interval; None of a single one.
+
+    A fit that ended keeps its last loss until the longest one ends.
+    """
+    longest = max(replicates, key=len)
+    if len(replicates) == 1:
+        return longest, None
+    curves = np.stack(
+        [
+            np.pad(r["loss"].to_numpy(float), (0, len(longest) - len(r)), mode="edge")
+            for r in replicates
+        ]
+    )
+    mean = longest.assign(loss=curves.mean(axis=0))
+    return mean, np.array([interval_of_mean(column)[1] for column in curves.T])
 
 
 def _draw_columns(
@@ -197,6 +223,6 @@ def spread(wanted: Sequence[float], apart: float) -> np.ndarray:
 
 def write_figure(path: Path, figure: Figure) -> None:
     """Write a figure as its ending names, the same bytes each time."""
-    date = {"Date": None} if path.suffix == ".svg" else {}
+    date = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}.get(path.suffix, {})
     with replacing(path) as part, mpl.rc_context(STYLE):
         figure.savefig(part, dpi=160, metadata=date)

@@ -97,6 +97,20 @@ METRICS = (
         ".1f",
     ),
     Metric(
+        "texture_psnr_holdout",
+        "Texture, PSNR",
+        "How like held-out photographs the texture is that was made of the others, inside the "
+        "object, in decibels; more is better.",
+        ".2f",
+    ),
+    Metric("texture_ssim_holdout", "Texture, SSIM", "The same by structure; 1 is best."),
+    Metric("texture_size", "Texture, size", "Side of the texture, in pixels.", ",d"),
+    Metric(
+        "texture_unseen",
+        "Texture, unseen",
+        "Share of the texture that no photograph shows, filled with the colours around it.",
+    ),
+    Metric(
         "aligned",
         "Aligned",
         "Whether the mesh was turned, shifted and scaled onto the truth before it was compared, "
@@ -154,3 +168,11 @@ def is_incoherent(values: Mapping[str, Any]) -> bool:
     """Whether the hull fills the silhouettes so badly that the cameras must contradict them."""
     hull = values.get("hull_iou_mean")
     return hull is not None and not hull >= COHERENT
+
+
+def describe_relief(metrics: Mapping[str, Any]) -> str:
+    """What the photographs have changed of a mesh, and what it stands on; "" if not tried."""
+    if "relief" not in metrics:
+        return ""
+    shares = (f"{share:.0%} {what}" for what, share in metrics["surface"].items())
+    return f"{metrics['relief']['said']} (it stands on: {', '.join(shares)})"

@@ -8,14 +8,15 @@ takes a third of the bytes of floats.
 import base64
 import gzip
 import json
-import struct
 from typing import Any
 
 import numpy as np
 
+from silmesh.geometry.glb import assemble
+
 STEPS = 65535  # of a quantised number from 0 to 1
-MAGIC, VERSION, JSON, BIN = 0x46546C67, 2, 0x4E4F534A, 0x004E4942  # of a GLB
-USHORT, UINT, ARRAY, ELEMENTS = 5123, 5125, 34962, 34963
+TURNS = 127  # of a quantised part of a direction from -1 to 1
+QUANTISED = "KHR_mesh_quantization"
 
 
 def pack(content: bytes) -> str:
@@ -33,97 +34,35 @@ def unpack(text: str) -> bytes:
     return gzip.decompress(base64.b64decode(text))
 
 
-def encode_glb(verts: np.ndarray, faces: np.ndarray, colours: np.ndarray | None = None) -> bytes:
-    """A mesh as quantised GLB.
+def encode_glb(
+    verts: np.ndarray,
+    faces: np.ndarray,
+    colours: np.ndarray | None = None,
+    normals: np.ndarray | None = None,
+    uv: np.ndarray | None = None,
+) -> bytes:
+    """A mesh as quantised GLB; ``show_picture`` lays a picture on it.
 
     Args:
         verts: [verts, 3]; kept to 1/65535 of the mesh's longest side
         faces: [faces, 3]
         colours: [verts, 3] linear light in [0, 1], or None
+        normals: [verts, 3] of length 1, kept to 1/127, or None
+        uv: [verts, 2] of the picture, its origin at the lower left, or None
     """
     low = verts.min(axis=0)
     side = max(float(np.ptp(verts, axis=0).max()), 1e-12)
     columns = {"POSITION": _quantise((verts - low) / side)}
     if colours is not None:
         columns["COLOR_0"] = _quantise(np.pad(colours, [(0, 0), (0, 1)], constant_values=1))
-    wide = len(verts) > STEPS
-    indices = faces.astype(np.uint32 if wide else np.uint16).ravel()
-    parts = [*map(_align, columns.values()), indices]
-    primitive = {
-        "attributes": {name: i for i, name in enumerate(columns)},
-        "indices": len(columns),
-        "material": 0,
-    }
-    tree = {
-        "asset": {"version": "2.0", "generator": "silmesh"},
-        "extensionsUsed": ["KHR_mesh_quantization"],
-        "extensionsRequired": ["KHR_mesh_quantization"],
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0, "translation": low.tolist(), "scale": [side] * 3}],
-        "materials": [{"pbrMetallicRoughness": {"metallicFactor": 0, "roughnessFactor": 1}}],
-        "meshes": [{"primitives": [primitive]}],
-        "accessors": [
-            *(_describe_column(i, values) for i, values in enumerate(columns.values())),
-            {
-                "bufferView": len(columns),
-                "componentType": UINT if wide else USHORT,
-                "count": len(indices),
-                "type": "SCALAR",
-            },
-        ],
-        "bufferViews": _view_parts(parts),
-        "buffers": [{"byteLength": sum(len(_pad(part.tobytes())) for part in parts)}],
-    }
-    return _join(tree, b"".join(_pad(part.tobytes()) for part in parts))
+    if normals is not None:
+        columns["NORMAL"] = np.round(normals * TURNS).astype(np.int8)
+    if uv is not None:
+        columns["TEXCOORD_0"] = _quantise(uv * [1, -1] + [0, 1])
+    node = {"translation": low.tolist(), "scale": [side] * 3}
+    return assemble(columns, faces, node, [QUANTISED])
 
 
 def _quantise(shares: np.ndarray) -> np.ndarray:
     """Numbers of 0 to 1 in steps of 1/65535."""
     return np.round(np.clip(shares, 0, 1) * STEPS).astype(np.uint16)
-
-
-def _align(column: np.ndarray) -> np.ndarray:
-    """Rows of four numbers: glTF wants each to begin at a multiple of four bytes."""
-    return np.pad(column, [(0, 0), (0, 4 - column.shape[1])])
-
-
-def _describe_column(view: int, column: np.ndarray) -> dict[str, Any]:
-    return {
-        "bufferView": view,
-        "componentType": USHORT,
-        "normalized": True,
-        "count": len(column),
-        "type": f"VEC{column.shape[1]}",
-        "min": column.min(axis=0).tolist(),
-        "max": column.max(axis=0).tolist(),
-    }
-
-
-def _view_parts(parts: list[np.ndarray]) -> list[dict[str, int]]:
-    """Where each part lies in the buffer; the last are the indices."""
-    views, start = [], 0
-    for part in parts:
-        kind = {"target": ELEMENTS} if part is parts[-1] else {"target": ARRAY, "byteStride": 8}
-        views.append({"buffer": 0, "byteOffset": start, "byteLength": part.nbytes, **kind})
-        start += len(_pad(part.tobytes()))
-    return views
-
-
-def _pad(content: bytes, filler: bytes = b"\0") -> bytes:
-    return content + filler * (-len(content) % 4)
-
-
-def _join(tree: dict[str, Any], content: bytes) -> bytes:
-    """The two chunks of a GLB behind its header."""
-    head = _pad(json.dumps(tree, separators=(",", ":")).encode(), b" ")
-    whole = 12 + 8 + len(head) + 8 + len(content)
-    return b"".join(
-        (
-            struct.pack("<III", MAGIC, VERSION, whole),
-            struct.pack("<II", len(head), JSON),
-            head,
-            struct.pack("<II", len(content), BIN),
-            content,
-        )
-    )

@@ -29,10 +29,12 @@ from silmesh.report.measures import (
     METRICS,
     OVERVIEW,
     TRUTH,
+    describe_relief,
     is_incoherent,
     show,
 )
 from silmesh.report.packing import encode_glb, pack, pack_json
+from silmesh.report.page_textures import ROOM, add_texture
 from silmesh.report.parts import LIBRARIES, SCRIPTS, STYLES, TEMPLATE
 from silmesh.report.pictures import crop_thumbnail
 from silmesh.report.tables import Run, objects_of
@@ -100,6 +102,7 @@ def write_page(
     galleries: Mapping[tuple[str, str], Mapping[str, Any]],
     settings: Mapping[str, Any],
     truths: Mapping[str, trimesh.Trimesh] = MappingProxyType({}),
+    conclusions: Sequence[str] = (),
 ) -> str:
     """Write the page.
 
@@ -109,6 +112,7 @@ def write_page(
         settings: ``configuration``: the whole of it, defaults filled in; ``objects``: what the
             rows of the objects say, for example where their silhouettes come from
         truths: the true meshes of objects
+        conclusions: what can be concluded of the variants, in sentences
     Returns:
         HTML, the same for the same arguments and versions
     """
@@ -121,7 +125,8 @@ def write_page(
     ).get_template(TEMPLATE)
     metrics = {run: result.metrics for run, result in results.items()}
     shown = [key for key in TRUTH if any(v.get(key) is not None for v in metrics.values())]
-    objects = objects_of(results)
+    objects, shown_variants = objects_of(results), {variant for _, variant in results}
+    order = [name for name in settings["configuration"]["variants"] if name in shown_variants]
     room = STILLS // (len(results) + len({(o, r.scene.name) for (o, _), r in results.items()}))
     return page.render(
         objects=[
@@ -130,8 +135,9 @@ def write_page(
                 {variant: results[object_, variant] for variant in variants},
                 {name: g for (of, name), g in galleries.items() if of == object_},
                 settings,
+                order,
                 truths.get(object_),
-                (len(objects), room),
+                (len(objects), room, ROOM / max(_count_textures(results), 1)),
             )
             for object_, variants in objects.items()
         ],
@@ -139,6 +145,7 @@ def write_page(
         overview=[metric for metric in METRICS if metric.key in (*OVERVIEW, *shown)],
         meanings=[m for m in METRICS if any(m.key in v for v in metrics.values())],
         coherent=COHERENT,
+        conclusions=conclusions,
         configuration=settings["configuration"],
         versions=_versions(),
         styles=[_read(name) for name in STYLES],
@@ -157,11 +164,14 @@ def _describe_object(
     results: Mapping[str, Result],
     galleries: Mapping[str, Mapping[str, Any]],
     settings: Mapping[str, Any],
+    order: Sequence[str],
     truth: trimesh.Trimesh | None,
-    shares: tuple[int, int],
+    shares: tuple[int, int, float],
 ) -> dict[str, Any]:
-    """All that the template shows of an object; ``shares``: objects, and bytes of a still."""
-    order = list(settings["configuration"]["variants"])
+    """All that the template shows of an object.
+
+    ``shares``: how many objects there are, bytes of a still, bytes of a texture.
+    """
     chosen = {variant: run_settings(object_, variant, settings) for variant in results}
     thinned = {
         name: _thin_gallery(
@@ -172,7 +182,11 @@ def _describe_object(
         for name, gallery in galleries.items()
     }
     runs = [
-        _describe_run(variant, result, order) | {"still": _embed_still(result.picture, shares[1])}
+        _describe_run(variant, result, order)
+        | {
+            "still": _embed_still(result.picture, shares[1]),
+            "fitted": _add_texture(result, shares[2]),
+        }
         for variant, result in results.items()
     ]
     curves = _name_curves(results)
@@ -216,12 +230,25 @@ def _describe_run(variant: str, result: Result, order: Sequence[str]) -> dict[st
         "incoherent": is_incoherent(metrics),
         "initial": describe_initial(metrics.get("first", {})),
         "fit_warnings": metrics.get("fit", {}).get("warnings", []),
+        "texture_warnings": metrics.get("texture", {}).get("warnings", []),
         "thumbnail": _embed_thumbnail(result.picture),
         "cameras": metrics.get("cameras"),
-        "fitted": result.exhibit["fitted"],
         "initial_mesh": result.exhibit["first"],
+        "standing": result.exhibit.get("standing"),
+        "relief": describe_relief(metrics),
         "gallery": result.gallery,
     }
+
+
+def _count_textures(results: Mapping[Run, Result]) -> int:
+    return sum(result.exhibit.get("texture") is not None for result in results.values())
+
+
+def _add_texture(result: Result, room: float) -> str:
+    """A run's fitted mesh, with its texture if it has one for which there is room."""
+    texture = result.exhibit.get("texture")
+    fitted = result.exhibit["fitted"]
+    return fitted if texture is None else add_texture(fitted, texture, room)
 
 
 def _group_incoherent(results: Mapping[str, Result]) -> dict[tuple[str, str | None], list[str]]:

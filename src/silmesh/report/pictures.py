@@ -13,8 +13,10 @@ import matplotlib as mpl
 import numpy as np
 import trimesh
 from PIL import Image, ImageDraw, ImageFont
+from scipy.ndimage import map_coordinates
 
 from silmesh.geometry.camera import Cameras
+from silmesh.geometry.textured_mesh import has_texture, picture_of
 from silmesh.report.outlines import find_outlines
 
 CELL = 264  # side of one picture, in pixels
@@ -143,11 +145,29 @@ def _light(
 
 
 def paint(mesh: trimesh.Trimesh, hits: Hits) -> np.ndarray:
-    """A mesh in the colours of its vertices, unlit: [size, size, 3] in [0, 1] on the ground's."""
-    at_corners = mesh.visual.vertex_colors[mesh.faces[hits.faces], :3] / 255  # [hits, 3, 3]
+    """A mesh in its texture, or in the colours of its vertices, unlit.
+
+    Returns:
+        [size, size, 3] in [0, 1] on the ground's colour
+    """
     image = np.broadcast_to(np.array(GROUND) / 255, (*hits.mask.shape, 3)).copy()
-    image[hits.mask] = np.einsum("ni,nij->nj", hits.weights, at_corners)
+    corners = mesh.faces[hits.faces]
+    if has_texture(mesh):
+        uv = np.einsum("ni,nij->nj", hits.weights, np.asarray(mesh.visual.uv)[corners])
+        image[hits.mask] = _look_up(np.asarray(picture_of(mesh)), uv) / 255
+    else:
+        at_corners = mesh.visual.vertex_colors[corners, :3] / 255  # [hits, 3, 3]
+        image[hits.mask] = np.einsum("ni,nij->nj", hits.weights, at_corners)
     return image.clip(0, 1)
+
+
+def _look_up(picture: np.ndarray, uv: np.ndarray) -> np.ndarray:
+    """A texture's colours at texture coordinates [n, 2], bilinear: [n, 3]."""
+    height, width = picture.shape[:2]
+    places = [(1 - uv[:, 1]) * height - 0.5, uv[:, 0] * width - 0.5]
+    layers = np.moveaxis(picture, 2, 0)
+    found = [map_coordinates(layer, places, float, order=1, mode="nearest") for layer in layers]
+    return np.stack(found, axis=1)
 
 
 def draw_edges(

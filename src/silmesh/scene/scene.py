@@ -28,6 +28,7 @@ from silmesh.geometry.camera import (
     write_cameras,
 )
 from silmesh.geometry.frame import find_shown, find_whole, is_cut
+from silmesh.geometry.small_images import LARGEST
 from silmesh.geometry.undistortion import Undistorted
 from silmesh.geometry.whereabouts import find_body
 from silmesh.silhouettes import encode, read_silhouettes
@@ -128,7 +129,7 @@ def find_similarity(
         if len(whole) == len(silhouettes) or not _look_around(cameras.select(whole)):
             return find_body(cameras, silhouettes, frames, points)
         cameras, silhouettes = cameras.select(whole), silhouettes[whole]
-    points = [torch.as_tensor(np.argwhere(s)[:, ::-1] + 0.5) for s in silhouettes]
+    points = (torch.as_tensor(_find_furthest(s)[:, ::-1] + 0.5) for s in silhouettes)
     centre, depth = find_object(cameras, silhouettes)
     if not (depth > 0).all():
         raise InputError(_say_behind(cameras, depth))
@@ -138,6 +139,19 @@ def find_similarity(
         ((p - c) @ s.mT).norm(dim=1).max() for p, c, s in zip(points, projected, scale, strict=True)
     ]
     return Similarity(centre, float(OBJECT_RADIUS / (torch.stack(reach) * depth).max()))
+
+
+def _find_furthest(silhouette: np.ndarray) -> np.ndarray:
+    """Rows and columns [n, 2] of pixels among which is that furthest from any point.
+
+    Those are the ends of the rows; of a small silhouette all pixels.
+    """
+    if max(silhouette.shape) <= LARGEST:
+        return np.argwhere(silhouette)
+    rows = np.flatnonzero(silhouette.any(axis=1))
+    first = silhouette[rows].argmax(axis=1)
+    last = silhouette.shape[1] - 1 - silhouette[rows, ::-1].argmax(axis=1)
+    return np.concatenate([np.stack([rows, end], axis=1) for end in (first, last)])
 
 
 def _look_around(cameras: Cameras) -> bool:

@@ -32,6 +32,7 @@ Renderer = Literal[RENDERERS] | OwnCode
 Options = Annotated[
     dict[str, bool | int | float | str], "names, each with a number, words, true or false"
 ]
+Photometric = Annotated[Literal["auto", False], "'auto' or false"]
 SOFTNESS = 0.03  # pixels: the root of sigma where it is `auto`
 
 
@@ -100,6 +101,11 @@ class FastFit(_Fit):
     smoothing: NotNegative = Field(
         1.0, description="how far a step spreads over the mesh, in squared edges"
     )
+    vertices: whole(12, 200_000) = Field(
+        200_000,
+        description="most vertices that a mesh gets, where images are larger than 256 pixels and "
+        "their finer levels give it more than it began with",
+    )
     batch: whole(0, 10_000) = Field(12, description="views in a step; 0 for all")
     coarse_to_fine: Truth = Field(True, description="begin with smaller, softer images")
     refine_cameras: Truth = Field(True, description="correct the cameras alongside")
@@ -107,6 +113,11 @@ class FastFit(_Fit):
     untangle: Truth = Field(True, description="in the end turn parts that are inside out")
     judge_views: Truth = Field(
         True, description="views and parts of silhouettes that the others contradict do not count"
+    )
+    photometric: Photometric = Field(
+        False,
+        description="auto: afterwards the surface moves to where the photographs agree, if some "
+        "that were kept out agree that it is better; the command's default",
     )
 
 
@@ -122,6 +133,22 @@ FITS = {  # by the preset, whose procedure is the module of its name in fitting
     "fast": FastFit,
 }
 OWN = "own"  # what is none of these is of
+
+
+def name_fit(preset: str, photometric: str | bool | None = None) -> dict[str, Any]:
+    """What a person says of a fit, as keys of the configuration.
+
+    Args:
+        photometric: ``auto`` if not given, where the preset has it
+    """
+    if photometric is None:
+        return {"preset": preset, **({"photometric": AUTO} if preset == "fast" else {})}
+    return {"preset": preset, "photometric": photometric}
+
+
+def is_photometric(fit: _Fit) -> bool:
+    """Whether photographs have a say in the mesh after a fit, if they agree."""
+    return bool(getattr(fit, "photometric", False))
 
 
 def refuse_clash(fit: _Fit) -> None:

@@ -71,7 +71,7 @@ class Section(BaseModel):
     def _takes_truth(cls, name: str) -> bool:
         annotation = cls.model_fields[name].annotation
         members = (annotation, *get_args(annotation))
-        return any(bool in (member, *get_args(member)) for member in members)
+        return any(bool in (member, *get_args(member)) or member is False for member in members)
 
     def part(self, kind: type["Section"]) -> "Section":
         """The keys of another section that this one has all of."""

@@ -8,7 +8,10 @@ from scipy.ndimage import gaussian_filter
 from skimage.measure import perimeter_crofton
 from skimage.morphology import convex_hull_image
 
+from silmesh.geometry.small_images import shrink_silhouettes
+
 COUNTS = (642, 1352, 1922)  # what the report calls 600, 1,300 and 1,900 polygons
+COUNTED = 256  # pixels
 MOST = 10_000  # most vertices that `auto` chooses
 EDGE = 5.0  # pixels: edge length in the images that `auto` aims at for smooth outlines
 DETAILED = 8  # most views whose outlines are measured for `auto`
@@ -26,10 +29,15 @@ def choose_count(silhouettes: np.ndarray, nearer: float = 1.0) -> int:
     sqrt(3) / 4 e^2. Where outlines are longer than their convex hulls', the surface is larger by
     that factor, and the edges should be shorter by it.
 
+    Of larger images than ``COUNTED`` pixels those of that size are counted in: a fit makes the mesh
+    finer as it looks more closely.
+
     Args:
         silhouettes: [views, height, width] bool
         nearer: by which factor areas are larger in pixels of all views than of these
     """
+    if max(silhouettes.shape[1:]) > COUNTED:
+        silhouettes = shrink_silhouettes(silhouettes, COUNTED)
     detail = _detail(silhouettes)
     surface = 4 * silhouettes.sum(axis=(1, 2)).mean() * detail * nearer
     faces = surface / (math.sqrt(3) / 4 * (EDGE / detail) ** 2)

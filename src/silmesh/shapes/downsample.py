@@ -5,11 +5,11 @@ import torch
 import trimesh
 
 from silmesh.geometry.camera import Cameras
-from silmesh.geometry.frame import open_frames
-from silmesh.geometry.small_images import shrink, shrink_shape
-from silmesh.softras import soft_silhouettes
+from silmesh.geometry.silhouette_iou import as_sharp
+from silmesh.geometry.small_images import shrink, shrink_frames
+from silmesh.softras.batches import render_views
 
-SHARP = 1e-5  # sigma of renderings that are thresholded to silhouettes
+SHARP = 1e-5  # sigma of renderings that are thresholded, as ``as_sharp`` takes it
 
 
 def downsample(
@@ -31,22 +31,10 @@ def downsample_frames(
 ) -> np.ndarray | None:
     """The frames of the photographs in what ``downsample`` gives; None if they cut no silhouette.
 
-    Those of views that are not cut are the whole images: nothing beyond them is unknown.
-
-    Args:
-        frames: [views, 4] of the photographs within the images; the whole images if not given
-    Returns:
-        [few, 4] int, no pixel of which lies partly beyond its photograph
+    Arguments but ``views`` and the result are those of ``shrink_frames``.
     """
     kept = _choose(len(silhouettes), views)
-    height, width = shrink_shape(silhouettes.shape[1:], size)
-    cut, spoken = open_frames(silhouettes, frames)
-    if not cut[kept].any():
-        return None
-    scale = np.array([width, height]) / silhouettes.shape[:0:-1]
-    low, high = np.ceil(spoken[kept, :2] * scale), np.floor(spoken[kept, 2:] * scale)
-    inner = np.concatenate([low, high], axis=1)
-    return np.where(cut[kept, None], inner, [0, 0, width, height]).astype(int)
+    return shrink_frames(silhouettes[kept], size, None if frames is None else frames[kept])
 
 
 def _choose(count: int, most: int) -> np.ndarray:
@@ -80,5 +68,5 @@ def render(mesh: trimesh.Trimesh, cameras: Cameras, size: tuple[int, int]) -> np
     """A mesh's silhouettes: [views, height, width] bool."""
     verts = torch.tensor(np.asarray(mesh.vertices), dtype=torch.float32)
     faces = torch.tensor(np.asarray(mesh.faces), dtype=torch.int64)
-    with torch.no_grad():
-        return (soft_silhouettes(cameras.project(verts), faces, size, SHARP) > 0.5).numpy()
+    alphas = render_views(cameras.project(verts), faces, size, as_sharp(SHARP, size))
+    return np.stack([(alpha > 0.5).numpy() for alpha in alphas])

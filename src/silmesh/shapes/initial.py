@@ -12,15 +12,18 @@ from silmesh.geometry.camera import INITIAL_SCALE, OBJECT_RADIUS, Cameras
 from silmesh.geometry.frame import find_whole, is_cut, known_pixels
 from silmesh.geometry.overlap import mean_iou
 from silmesh.geometry.robust_hull import RobustHull
+from silmesh.geometry.small_images import LARGEST, shrink, shrink_frames
 from silmesh.geometry.thresholds import COHERENT
 from silmesh.geometry.visual_hull import Hull
 from silmesh.own_code import call, own_file
 from silmesh.progress import Share, untold
-from silmesh.settings.init import Init
+from silmesh.settings.init import Init, mesh_file
 from silmesh.shapes.alignment import MOST, align_to_box, choose_count, choose_report_count, to_unit
 from silmesh.shapes.carved import CARVED, Carved, EmptyHull, draw
 from silmesh.shapes.choose import VERTICES, Score, Trial, score_meshes, share
 from silmesh.shapes.downsample import crop
+from silmesh.shapes.moved import jitter, turn
+from silmesh.shapes.own_mesh import own_mesh
 from silmesh.shapes.primitives import PRIMITIVES, placed_primitive, plain_primitive
 from silmesh.shapes.sphere import unit_sphere
 from silmesh.shapes.starts import Start, measure_start, render_initial
@@ -71,7 +74,7 @@ def make_initial_mesh(
     the ellipsoid, with a warning; so it is where a prism comes in pieces of which the largest fits
     worse. A function of a person's own (``own_code``) is called with the silhouettes, the cameras,
     and the number of vertices or None, and gives a closed mesh in the cameras' world, the
-    normalised one.
+    normalised one. Images of more than ``LARGEST`` pixels are shrunk before all that.
 
     Args:
         init: what is asked for
@@ -88,6 +91,9 @@ def make_initial_mesh(
     """
     if frames is not None and init.shape != "sphere":  # the report's is placed in the whole image
         silhouettes, cameras, frames = crop(silhouettes, cameras, frames)
+    if max(silhouettes.shape[1:]) > LARGEST:
+        frames = shrink_frames(silhouettes, LARGEST, frames)
+        silhouettes, cameras = shrink(silhouettes, cameras, LARGEST)
     if not silhouettes.any():
         raise InputError("no silhouette shows the object: all are empty")
     scores, warnings = {}, []
@@ -105,7 +111,7 @@ def make_initial_mesh(
     if made.shape in CARVED and init.align != "none":
         made, starts, changed = _compare_starts(made, init, silhouettes, cameras, frames)
         warnings += changed
-    mesh = made.mesh
+    mesh = jitter(made.mesh, init.moved)
     shown = render_initial(mesh, cameras, silhouettes.shape[1:])
     described = {
         "asked": init.shape,
@@ -197,7 +203,8 @@ def _make(
     """An initial mesh at unit size."""
     counted = init.vertices == "auto"
     if init.shape == "sphere":
-        mesh = unit_sphere(choose_report_count(silhouettes) if counted else init.vertices)
+        count = choose_report_count(silhouettes) if counted else init.vertices
+        mesh = turn(unit_sphere(count), init.moved)
         if init.align == "bbox":
             mesh.vertices = align_to_box(mesh.vertices, silhouettes[0])
         return _Made(init.shape, mesh)
@@ -205,6 +212,9 @@ def _make(
     nearer = _compare_scale(cameras, whole)
     vertices = choose_count(silhouettes[whole], nearer) if counted else init.vertices
     notes, robust, hull = {}, None, None
+    if path := mesh_file(init.shape):
+        given = None if counted else init.vertices
+        return _Made(init.shape, own_mesh(path, given, init, silhouettes, cameras, frames))
     if init.shape in CARVED:
         carved = CARVED[init.shape](silhouettes, cameras, vertices, init.genus, frames)
         mesh, robust, hull = carved.mesh, carved.robust, carved.hull

@@ -107,24 +107,64 @@ def placed_primitive(
         cameras: of these views, in the normalised world
         frames: [views, 4] of the photographs within the images; the whole images if not given
     """
-    target = find_ellipsoid(silhouettes, cameras, frames)
-    whole = find_whole(silhouettes, frames)
-    shown, frames = silhouettes[whole], frames if frames is None else frames[whole]
-    small, small_cameras = downsample(shown, cameras.select(whole), SIZE, VIEWS)
-    spoken = downsample_frames(shown, SIZE, VIEWS, frames)
+    shown = _Shown.of(silhouettes, cameras, frames)
     sharpest, *rounder = PRIMITIVES[shape].powers
 
     def match(axes: np.ndarray, power: float) -> _Candidate:
-        return _match_moments(shape, power, axes, target, small, small_cameras, spoken)
+        return _match_moments(unit_primitive(shape, VERTICES, power), power, axes, shown)
 
     best = max(
-        (match(axes, sharpest) for axes in _directions(shape, target, cameras)),
+        (match(axes, sharpest) for axes in _directions(shape, shown.ellipsoid, cameras)),
         key=attrgetter("iou"),
     )
     best = max([best, *(match(best.axes, power) for power in rounder)], key=attrgetter("iou"))
     fine = unit_primitive(shape, FINER * vertices, best.power)
     fine.apply_transform(best.to_world)
     return even_mesh(fine, vertices)
+
+
+def place(
+    mesh: trimesh.Trimesh,
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+    frames: np.ndarray | None = None,
+) -> trimesh.Trimesh:
+    """Any mesh where the silhouettes are, stretched along the world's axes but not turned.
+
+    Centre and lengths are such that its silhouettes have the moments of the given ones. Arguments
+    are those of ``placed_primitive``.
+    """
+    unit = mesh.copy().apply_translation(-mesh.bounds.mean(axis=0))
+    unit.apply_scale(2 / mesh.extents)
+    shown = _Shown.of(silhouettes, cameras, frames)
+    placed = unit.copy().apply_transform(_match_moments(unit, 0.0, np.eye(3), shown).to_world)
+    return trimesh.Trimesh(placed.vertices, mesh.faces, process=False)
+
+
+class _Shown(NamedTuple):
+    """What shapes are matched to: an ellipsoid of the same moments, and a few small silhouettes.
+
+    Attributes:
+        ellipsoid: whose silhouettes have the moments of all
+        silhouettes: [n, height, width] bool
+        cameras: of these
+        frames: [n, 4] of the photographs within them, or None
+    """
+
+    ellipsoid: Ellipsoid
+    silhouettes: np.ndarray
+    cameras: Cameras
+    frames: np.ndarray | None
+
+    @staticmethod
+    def of(silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray | None) -> "_Shown":
+        ellipsoid = find_ellipsoid(silhouettes, cameras, frames)
+        whole = find_whole(silhouettes, frames)
+        shown, frames = silhouettes[whole], frames if frames is None else frames[whole]
+        small, small_cameras = downsample(shown, cameras.select(whole), SIZE, VIEWS)
+        return _Shown(
+            ellipsoid, small, small_cameras, downsample_frames(shown, SIZE, VIEWS, frames)
+        )
 
 
 def _directions(shape: str, target: Ellipsoid, cameras: Cameras) -> Iterable[np.ndarray]:
@@ -147,27 +187,27 @@ def _directions(shape: str, target: Ellipsoid, cameras: Cameras) -> Iterable[np.
 
 
 def _match_moments(
-    shape: str,
-    power: float,
-    axes: np.ndarray,
-    target: Ellipsoid,
-    silhouettes: np.ndarray,
-    cameras: Cameras,
-    frames: np.ndarray | None,
+    unit: trimesh.Trimesh, power: float, axes: np.ndarray, shown: _Shown
 ) -> _Candidate:
-    """Stretch, turn and move a primitive until its silhouettes have the target's moments."""
-    unit, size = unit_primitive(shape, VERTICES, power), silhouettes.shape[1:]
+    """Stretch, turn and move a mesh until its silhouettes have the target's moments.
+
+    Args:
+        unit: of half-length 1 about the origin
+        power: that it was made with
+        axes: [3, 3], the directions that its x, y and z take
+    """
+    target, size = shown.ellipsoid, shown.silhouettes.shape[1:]
     to_world = _matrix(axes, target.lengths(axes), target.centre)
-    rendered = render(unit.copy().apply_transform(to_world), cameras, size)
+    rendered = render(unit.copy().apply_transform(to_world), shown.cameras, size)
     for _ in range(ROUNDS):
         if not rendered.any():
             break
-        found = find_ellipsoid(rendered, cameras, frames)
+        found = find_ellipsoid(rendered, shown.cameras, shown.frames)
         lengths = np.linalg.norm(to_world[:3, :3], axis=0)
         lengths *= target.lengths(axes) / found.lengths(axes)
         to_world = _matrix(axes, lengths, to_world[:3, 3] + target.centre - found.centre)
-        rendered = render(unit.copy().apply_transform(to_world), cameras, size)
-    iou = mean_iou(rendered, silhouettes, known_pixels(silhouettes, frames))
+        rendered = render(unit.copy().apply_transform(to_world), shown.cameras, size)
+    iou = mean_iou(rendered, shown.silhouettes, known_pixels(shown.silhouettes, shown.frames))
     return _Candidate(iou, power, axes, to_world)
 
 

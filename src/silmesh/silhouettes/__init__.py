@@ -96,11 +96,13 @@ def find_silhouettes(
             cannot be read; too many silhouettes are empty or fill their photographs; even if others
             can be used, a mask tells more than object and background apart
     """
-    spared, lost, kept = [], {}, []
+    spared, lost = [], {}
     around: dict[int, str] = {}
     _refuse_other_count(source, views, masks)
     files = masks or [None] * len(views)
     found = _find_each(source, views, images, files, settings, threads)
+    size = views[0].size if views else 0
+    kept = np.zeros((len(views), size, size), bool)
     for done, (view, file, silhouette) in enumerate(zip(views, files, found, strict=True), start=1):
         if isinstance(silhouette, mask.SeveralValuesError):
             raise silhouette
@@ -117,19 +119,19 @@ def find_silhouettes(
         if wrong:
             spared.append(wrong)
             _refuse_wrong(spared, len(views), spare)
-            silhouette = np.zeros((view.size, view.size), bool)
         elif source in GIVEN and (share := _edge(silhouette, view).mean()) > AROUND:
-            around[len(kept)] = (
+            around[done - 1] = (
                 f"{_where(view, source, file)} {_say_inverted(f'border to {share:.0%}')}"
             )
-        kept.append(silhouette)
+        if not wrong:
+            kept[done - 1] = silhouette
         progress(done)
     for place, wrong in around.items() if 2 * len(around) > len(views) else ():
         spared.append(wrong)  # a few are of photographs taken near, which the object nearly fills
         _refuse_wrong(spared, len(views), spare)
         lost[views[place].view] = FULL
-        kept[place] = np.zeros_like(kept[place])
-    return Found(np.stack(kept), spared, lost)
+        kept[place] = False
+    return Found(kept, spared, lost)
 
 
 def _refuse_wrong(wrong: Sequence[str], views: int, spare: bool) -> None:
@@ -223,7 +225,11 @@ def encode(silhouette: np.ndarray) -> Image.Image:
 
 def read_silhouettes(folder: Path, views: Sequence[str]) -> np.ndarray:
     """The silhouettes of these views, [views, height, width] bool."""
-    return np.stack([_decode(folder / f"{view}.png") for view in views])
+    first = _decode(folder / f"{views[0]}.png")
+    silhouettes = np.empty((len(views), *first.shape), bool)
+    for into, view in zip(silhouettes, views, strict=True):
+        into[:] = _decode(folder / f"{view}.png")
+    return silhouettes
 
 
 def read_lost(folder: Path) -> Mapping[str, str]:

@@ -8,6 +8,7 @@ from torch import Tensor
 from silmesh.softras import soft_silhouettes
 
 AT_ONCE = 16  # views
+PIXELS = AT_ONCE * 512**2  # and fewer, where these have more pixels
 
 
 def render_views(
@@ -21,7 +22,7 @@ def render_views(
         size: height and width
         sigma: in squared half-image units
     """
-    for part in points.detach().split(AT_ONCE):
+    for part in points.detach().split(max(1, min(AT_ONCE, PIXELS // (size[0] * size[1])))):
         with torch.no_grad():
             rendered = soft_silhouettes(part, faces, size, sigma=sigma)
         yield from rendered

@@ -9,7 +9,7 @@ from silmesh.scene.scene import SILHOUETTES, VIEWS
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import output_file, parser, run
 from silmesh.texture.vertex_colours import colour_vertices
-from silmesh.views import ImageFolder, stack_pictures
+from silmesh.views import ImageFolder, Pictures
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -28,7 +28,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         mesh.vertices,
         mesh.faces,
         cameras,
-        stack_pictures(ImageFolder(given.scene / VIEWS), cameras.views),
+        Pictures(ImageFolder(given.scene / VIEWS), cameras.views),
         read_silhouettes(given.scene / SILHOUETTES, cameras.views),
     )
     write_coloured(given.meshes, mesh, colours)

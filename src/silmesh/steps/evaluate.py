@@ -28,6 +28,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--scene", type=Path, required=True, help="folder of the scene")
     args.add_argument("--initial", type=Path, help="init.json of its initial mesh")
     args.add_argument("--notes", type=Path, help="fit.json of the fit")
+    args.add_argument("--relief", type=Path, help="relief.json, if photographs had a say")
+    args.add_argument("--texture", type=Path, help="texture.json of its texture")
     args.add_argument("--truth", type=Path, help="the true mesh, in the cameras' world")
     args.add_argument("--voxels", type=Path, help="<file>.npz#<object>, what the truth is made of")
     args.add_argument("--align", action="store_true", help="register the mesh with the truth first")
@@ -51,6 +53,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         Path(os.path.relpath(given.scene / SILHOUETTES, given.results)).as_posix(),
         read_mesh(given.truth) if given.truth else None,
         given.align,
+        _read_notes(given.relief),
+        _read_notes(given.texture),
         read_voxels(given.voxels) if given.voxels else None,
     )
     with replacing(given.output) as part:

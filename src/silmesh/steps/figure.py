@@ -24,19 +24,23 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--meshes", type=Path, nargs="+", required=True, help="the fitted meshes")
     args.add_argument("--cameras", type=Path, nargs="+", required=True, help="their cameras.json")
     args.add_argument("--scenes", type=Path, nargs="+", required=True, help="their scenes' folders")
-    args.add_argument("--variants", nargs="+", required=True, help="their names, in that order")
+    args.add_argument(
+        "--variants", nargs="+", required=True, help="of each loss.csv; replicates have one name"
+    )
     args.add_argument("--order", nargs="+", required=True, help="all variants; decides the colours")
     args.add_argument("--published", type=Path, help="table of published curves")
     args.add_argument("--curves", nargs="+", help="the published variant that each repeats")
     args.add_argument(
-        "--outputs", type=output_file, nargs="+", required=True, help="to write: svg, png"
+        "--outputs", type=output_file, nargs="+", required=True, help="to write: svg, png, pdf"
     )
     given = args.parse_args(argv)
-    losses = dict(zip(given.variants, map(pd.read_csv, given.losses), strict=True))
+    losses: dict[str, list[pd.DataFrame]] = {}
+    for variant, file in zip(given.variants, given.losses, strict=True):
+        losses.setdefault(variant, []).append(pd.read_csv(file))
     published = {}
     if given.published:
         curves = read_published(given.published)
-        named = {v: (given.object, c) for v, c in zip(given.variants, given.curves, strict=True)}
+        named = {v: (given.object, c) for v, c in zip(losses, given.curves, strict=True)}
         published = {v: curves[key] for v, key in named.items() if key in curves}
     fits = map(_read_fit, given.meshes, given.cameras, given.scenes)
     figure = draw_figure(given.object, losses, given.order, draw_comparison(list(fits)), published)

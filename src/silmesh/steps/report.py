@@ -28,6 +28,8 @@ from silmesh.scene.scene import read_scene
 from silmesh.steps.command import output_file, parser, run
 from silmesh.views import held_out
 
+CONCLUDED = ("iou", "steps")  # measures of which the page says what can be concluded
+
 
 def main(argv: Sequence[str] | None = None) -> None:
     """Parse, load, call, save."""
@@ -37,6 +39,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--losses", type=output_file, required=True, help="losses.csv to write")
     args.add_argument("--summary", type=output_file, required=True, help="summary.csv to write")
     args.add_argument("--page", type=output_file, required=True, help="report.html to write")
+    args.add_argument("--conclusions", type=Path, required=True, help="comparison.csv")
     given = args.parse_args(argv)
     plan = json.loads(given.plan.read_text(encoding="utf-8"))
     folders = {(r["object"], r["variant"]): _folder(given.results, r) for r in plan["runs"]}
@@ -48,11 +51,15 @@ def main(argv: Sequence[str] | None = None) -> None:
     results = {
         key: _read_result(planned, given.results, made, metrics[key], curves)
         for key, planned in zip(folders, plan["runs"], strict=True)
+        if planned["replicate"] == 1
     }
     keys = dict.fromkeys((r["object"], r["judged"]) for r in plan["runs"])
     galleries = {key: _read_json(made / "galleries" / key[0] / f"{key[1]}.json") for key in keys}
     truths = {o: given.results / o / "stages" / "truth.ply" for o in plan["truths"]}
-    page = write_page(results, galleries, plan, {o: read_mesh(file) for o, file in truths.items()})
+    meshes = {o: read_mesh(file) for o, file in truths.items()}
+    compared = pd.read_csv(given.conclusions)
+    conclusions = list(compared[compared["measure"].isin(CONCLUDED)]["conclusion"])
+    page = write_page(results, galleries, plan, meshes, conclusions)
     with replacing(given.losses) as part:
         gather_losses(losses).to_csv(part, index=False)
     with replacing(given.summary) as part:

@@ -178,6 +178,8 @@ class Alignment:
             along = np.einsum("nk,nkp->np", g, J)
             left = along.T @ (w[:, None] * along) + hold * np.einsum("n,nkp,nkq->pq", w, J, J)
             right = along.T @ (w * apart[i, used]) + hold * np.einsum("n,nkp,nk->p", w, J, held)
+            if not np.trace(left) > 0:  # the photographs have no detail there
+                continue
             change = -np.linalg.solve(left + 1e-9 * np.trace(left) * np.eye(6), right)
             far = np.abs(J @ change).max()
             moves[i] += change * min(1.0, FARTHEST / max(far, 1e-12))

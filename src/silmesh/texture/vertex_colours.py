@@ -11,6 +11,8 @@ weighted down by 1 / (1 + (r / SCALE)^2), r their distance from the mean, found 
 What no view sees gets the mean of its neighbours on the mesh.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import trimesh
 from scipy.ndimage import distance_transform_edt, map_coordinates
@@ -31,7 +33,7 @@ def colour_vertices(
     verts: np.ndarray,
     faces: np.ndarray,
     cameras: Cameras,
-    photographs: np.ndarray,
+    photographs: Sequence[np.ndarray],
     silhouettes: np.ndarray,
 ) -> np.ndarray:
     """Colour the vertices of a mesh from photographs of it.
@@ -39,7 +41,7 @@ def colour_vertices(
     Args:
         verts: [verts, 3] in the cameras' world
         faces: [faces, 3], the outside counterclockwise
-        photographs: [views, height, width, 3] uint8, sRGB
+        photographs: of each view, [height, width, 3] uint8, sRGB
         silhouettes: [views, height, width] bool
     Returns:
         [verts, 3] uint8, sRGB
@@ -52,8 +54,9 @@ def colour_vertices(
         pixels = _project(cameras.projections[i].numpy(), verts)
         depth = _sample(_pad_edt(silhouettes[i]), pixels)
         weights[i] = squareness**SQUARE * _feather(depth)
+        photograph = photographs[i]
         for channel in range(3):
-            colours[i, :, channel] = _sample(photographs[i, ..., channel], pixels)
+            colours[i, :, channel] = _sample(photograph[..., channel], pixels)
     blended = _blend(colours, weights)
     filled = _fill(blended, weights.sum(axis=0) > 0, faces)
     return filled.round().clip(0, 255).astype(np.uint8)

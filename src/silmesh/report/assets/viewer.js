@@ -2,6 +2,8 @@
 // y, with the first camera towards z, whatever the world that the cameras came in.
 "use strict";
 
+const SHOWN = { first: "initial mesh", fitted: "fitted mesh", standing: "by what it stands on" };
+
 silmesh.hasWebGL = () => !!document.createElement("canvas").getContext("webgl2");
 
 silmesh.Viewer = class {
@@ -107,7 +109,7 @@ silmesh.Viewer = class {
     return new THREE.Spherical().setFromVector3(offset);
   }
 
-  // What a choice, "<run> <fitted, first or truth>", shows: a scene, made once for each look.
+  // What a choice, "<run> <fitted, first, standing or truth>", shows: a scene, made once for each look.
   async pane(choice) {
     const [run, what] = choice.split(" ");
     const shown = this.data.runs[run];
@@ -120,7 +122,7 @@ silmesh.Viewer = class {
     placed.matrixAutoUpdate = false;
     placed.matrix.copy(geometry.matrix);
     if (what === "truth") placed.matrix.premultiply(new THREE.Matrix4().fromArray(shown.placed));
-    placed.add(...this.looks(geometry.shape));
+    placed.add(...this.looks(geometry));
     upright.add(placed);
     if (this.switches.cameras.checked) upright.add(this.frusta(shown));
     scene.add(upright, new THREE.AmbientLight(0xffffff, 1.1));
@@ -131,7 +133,7 @@ silmesh.Viewer = class {
       return light;
     });
     const faces = geometry.shape.index.count / 3;
-    const name = what === "truth" ? "the truth" : `${shown.variant}, ${what === "first" ? "initial mesh" : "fitted mesh"}`;
+    const name = what === "truth" ? "the truth" : `${shown.variant}, ${SHOWN[what]}`;
     return { scene, lights, says: `${name}: ${faces.toLocaleString("en")} triangles` };
   }
 
@@ -141,15 +143,18 @@ silmesh.Viewer = class {
       gltf.scene.updateMatrixWorld(true);
       let mesh = null;
       gltf.scene.traverse((node) => { if (node.isMesh) mesh = node; });
-      mesh.geometry.computeVertexNormals();
-      return { shape: mesh.geometry, matrix: mesh.matrixWorld };
+      if (!mesh.geometry.attributes.normal) mesh.geometry.computeVertexNormals();
+      return { shape: mesh.geometry, matrix: mesh.matrixWorld, texture: mesh.material.map };
     })());
   }
 
-  looks(shape) {
-    const coloured = this.switches.colours.checked && !!shape.attributes.color;
+  // In its texture, else in the colours of its vertices, if colours are wanted and there are any.
+  looks({ shape, texture }) {
+    const wanted = this.switches.colours.checked;
+    const coloured = wanted && !texture && !!shape.attributes.color;
     const outside = new THREE.MeshLambertMaterial({
-      color: coloured ? 0xffffff : 0xd6d1c7, vertexColors: coloured,
+      color: coloured || (wanted && texture) ? 0xffffff : 0xd6d1c7,
+      map: wanted ? texture : null, vertexColors: coloured,
       polygonOffset: true, polygonOffsetFactor: 1, polygonOffsetUnits: 1,
     });
     const inside = new THREE.MeshLambertMaterial({ color: 0xb85c54, side: THREE.BackSide });

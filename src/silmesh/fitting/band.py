@@ -1,0 +1,269 @@
+"""The band about the outlines: all of a large image that a fit has to look at.
+
+An image is cut into tiles. A tile through which neither an outline of the given silhouette passes
+nor one of the mesh shows one thing throughout, in which no small step of the mesh changes anything:
+it counts in the loss as it is, once for all, and only the others are rendered. So time and memory
+of a step grow with the outlines' length. The mesh's outlines are edges between a triangle that
+faces the camera and one that does not; the band follows the mesh when that has moved by as much as
+it was widened.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import torch
+from numba import njit
+from scipy import ndimage
+from torch import Tensor
+
+from silmesh.fitting.losses import complement
+from silmesh.geometry.camera import Cameras
+from silmesh.geometry.edges import number_edges
+from silmesh.softras import soft_silhouettes
+from silmesh.softras.tiles import TILE, Tiles, count_tiles, find_tiles
+
+CELL = 8  # pixels: the grain in which outlines are looked for
+MARGIN = CELL / 2  # pixels: the band reaches so far, and is found anew when a vertex moved that far
+CENTRE = 1e-6  # sigma with which the centres of tiles are looked at, in images of a pixel a tile
+
+
+@dataclass(frozen=True)
+class BandLevel:
+    """One level of the image pyramid of which only a band is looked at.
+
+    Attributes:
+        factor: by which the images are smaller than the working images
+        silhouettes: [views, height, width] bool of these
+        sigma: in squared half-image units
+        pixel: size of a pixel at the object's distance, in world units
+        known: as the silhouettes, the pixels of which each view says anything; None if of all
+    """
+
+    factor: int
+    silhouettes: np.ndarray
+    sigma: float
+    pixel: float
+    known: np.ndarray | None = None
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Height and width of the images; the last pixels may go on beyond the working images."""
+        height, width = self.silhouettes.shape[1:]
+        return -(-height // self.factor), -(-width // self.factor)
+
+    def scale_cameras(self, cameras: Cameras) -> Cameras:
+        """Cameras of the working images, scaled to the images of this level."""
+        shrink = torch.diag(torch.tensor([1 / self.factor, 1 / self.factor, 1.0]))
+        sizes = torch.tensor([self.size[::-1]]).expand(len(cameras), 2)
+        return cameras.in_pixels_of(shrink.double().expand(len(cameras), 3, 3), sizes)
+
+    @cached_property
+    def cells(self) -> np.ndarray:
+        """How many pixels are shown and how many are known in each cell of CELL x CELL pixels.
+
+        [views, 2, rows, columns] float32 of the level's pixels, with whole tiles.
+        """
+        every = _sum_cells(np.ones(self.silhouettes.shape[1:], bool), self)
+        cells = np.empty((len(self.silhouettes), 2, *every.shape), np.float32)
+        for view, (into, seen) in enumerate(zip(cells, self.silhouettes, strict=True)):
+            known = None if self.known is None else self.known[view]
+            into[0] = _sum_cells(seen if known is None else seen & known, self)
+            into[1] = every if known is None else _sum_cells(known, self)
+        return cells
+
+
+class Band:
+    """The tiles about the outlines of a level's silhouettes and of a mesh, and what is outside.
+
+    Args:
+        level: whose images they are of
+        points: [views, verts, 2] of the mesh, in pixels of the level
+        faces: [faces, 3] int64
+    """
+
+    def __init__(self, level: BandLevel, points: Tensor, faces: Tensor):
+        self._points = points
+        ours = faces.cpu().numpy()
+        edges, of_face = number_edges(ours)
+        sides = _find_sides(of_face, len(edges))
+        pixels, wanted = points.cpu().numpy(), []
+        for view, cells in enumerate(level.cells):
+            found = _find_outline_cells(cells)
+            _mark_contour(found, pixels[view], ours, edges, sides)
+            wanted.append(_pool(found))
+        sums = np.stack([_sum_tiles(cells) for cells in level.cells])
+        self.tiles = find_tiles(np.stack(wanted), level.size)
+        self._shown, self._counted = _cut_out(level, self.tiles)
+        self._total = torch.tensor(sums[:, 0].sum(axis=(1, 2)), dtype=torch.float32)
+        self._rest = self._sum_rest(sums, _see_centres(points, faces, sums.shape[2:]))
+        self._ends = self.tiles.ends
+
+    def _sum_rest(self, sums: np.ndarray, covered: np.ndarray) -> Tensor:
+        """What is shown and rendered, and what is rendered, beside the wanted tiles: [views, 2]."""
+        outside = covered & (self.tiles.number < 0)
+        return torch.tensor((sums * outside[:, None]).sum(axis=(2, 3)), dtype=torch.float32)
+
+    def holds(self, points: Tensor, index: list[int]) -> bool:
+        """Whether points [views, verts, 2] of the views at ``index`` have moved by little."""
+        moved = (points - self._points[index]).abs()
+        return not bool((moved > MARGIN).any())
+
+    def iou_loss(self, alpha: Tensor, index: list[int], weights: Tensor | None = None) -> Tensor:
+        """``losses.iou_loss`` of whole images, of which only the wanted tiles were rendered.
+
+        Args:
+            alpha: [tiles, TILE, TILE] of the views at ``index``
+            weights: [views at index] how much each counts; all the same if not given
+        """
+        wanted = np.concatenate([np.arange(*self._ends[i : i + 2]) for i in index])
+        rows = torch.from_numpy(wanted)
+        shown, counted = (part[rows].to(alpha) for part in (self._shown, self._counted))
+        counts = torch.from_numpy(np.diff(self._ends)[index])
+        view = torch.arange(len(index)).repeat_interleave(counts).to(alpha.device)
+        sums = _TileSums.apply(alpha.flatten(1), shown.flatten(1), counted.flatten(1))
+        rest = self._rest[index].to(alpha)
+        both, rendered = rest.index_add(0, view, sums).unbind(1)
+        return complement(both, rendered, self._total[index].to(alpha), weights)
+
+
+class _TileSums(torch.autograd.Function):
+    """sum(p t) and sum(p k) of each row: [rows, 2], with a gradient for p alone."""
+
+    @staticmethod
+    def forward(ctx, p, t, k):
+        ctx.save_for_backward(t, k)
+        return torch.stack([torch.linalg.vecdot(p, t), torch.linalg.vecdot(p, k)], dim=1)
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx, upstream):
+        t, k = ctx.saved_tensors
+        return t * upstream[:, :1] + k * upstream[:, 1:], None, None
+
+
+def _sum_cells(image: np.ndarray, level: BandLevel) -> np.ndarray:
+    """How many pixels of the level are set in each cell, [rows, columns] of whole tiles."""
+    sums = np.zeros([TILE // CELL * n for n in count_tiles(level.size)], np.int32)
+    _count_cells(image, CELL * level.factor, sums)
+    return sums / level.factor**2
+
+
+@njit(nogil=True, cache=True)
+def _count_cells(image, side, sums):
+    """Add to each cell of ``side`` pixels how many pixels of an image [height, width] are set."""
+    height, width = image.shape
+    for y in range(height):
+        for left in range(0, width, side):
+            count = 0
+            for x in range(left, min(left + side, width)):
+                count += image[y, x]
+            sums[y // side, left // side] += count
+
+
+def _find_outline_cells(cells: np.ndarray) -> np.ndarray:
+    """The cells [rows, columns] bool beside which a silhouette shows both, what is in and out.
+
+    Args:
+        cells: [2, rows, columns], how many pixels are shown and how many are known
+    """
+    shown, known = cells
+    around = np.ones((3, 3), bool)
+    inside, outside = shown > 0, shown < known
+    return ndimage.binary_dilation(inside, around) & ndimage.binary_dilation(outside, around)
+
+
+def _find_sides(of_face: np.ndarray, count: int) -> np.ndarray:
+    """The two faces about each edge of a closed mesh: [edges, 2]."""
+    order = np.argsort(of_face.ravel(), kind="stable")
+    return order.reshape(count, 2) // 3
+
+
+def _mark_contour(
+    cells: np.ndarray, points: np.ndarray, faces: np.ndarray, edges: np.ndarray, sides: np.ndarray
+) -> None:
+    """Mark the cells within ``MARGIN`` of edges about which a mesh turns away from the camera."""
+    a, b, c = (points[faces[:, i]] for i in range(3))
+    facing = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0] > 0
+    contour = points[edges[facing[sides[:, 0]] != facing[sides[:, 1]]]]  # [contour, 2, 2]
+    contour = contour[np.isfinite(contour).all(axis=(1, 2))]
+    if not len(contour):
+        return
+    longest = np.abs(contour[:, 1] - contour[:, 0]).max()
+    shares = np.linspace(0, 1, 2 + int(min(longest, 4 * TILE * len(cells)) // CELL))
+    for share in shares:
+        at = contour[:, 0] + share * (contour[:, 1] - contour[:, 0])
+        for shift in np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) * MARGIN:
+            column, row = np.floor((at + shift) / CELL).clip(-1, 1e6).astype(int).T
+            within = (row >= 0) & (row < cells.shape[0]) & (column >= 0)
+            within &= column < cells.shape[1]
+            cells[row[within], column[within]] = True
+
+
+def _pool(cells: np.ndarray) -> np.ndarray:
+    """The tiles of which a cell is marked: [rows, columns] bool."""
+    side = TILE // CELL
+    return cells.reshape(cells.shape[0] // side, side, -1, side).any(axis=(1, 3))
+
+
+def _sum_tiles(cells: np.ndarray) -> np.ndarray:
+    """Cells [2, rows, columns] summed over the tiles."""
+    side = TILE // CELL
+    return cells.reshape(2, cells.shape[1] // side, side, -1, side).sum(axis=(2, 4))
+
+
+def _see_centres(points: Tensor, faces: Tensor, size: tuple[int, int]) -> np.ndarray:
+    """Which tiles' centres a mesh covers: [views, rows, columns] bool."""
+    with torch.no_grad():
+        covered = [soft_silhouettes(p[None] / TILE, faces, size, CENTRE) for p in points]
+    return (torch.cat(covered) > 0.5).cpu().numpy()
+
+
+def _cut_out(level: BandLevel, tiles: Tiles) -> tuple[Tensor, Tensor]:
+    """What is shown and what is known in the wanted tiles: twice [tiles, TILE, TILE] float16.
+
+    Shares of whole pixels, which this type holds exactly.
+    """
+    shown, counted = (np.zeros((tiles.count, TILE, TILE), np.float32) for _ in range(2))
+    for view, number in enumerate(tiles.number):
+        seen = level.silhouettes[view]
+        known = np.ones_like(seen) if level.known is None else level.known[view]
+        _average(seen, known, number, level.factor, shown, counted)
+    return torch.from_numpy(shown).half(), torch.from_numpy(counted).half()
+
+
+@njit(nogil=True, cache=True)
+def _average(seen, known, number, factor, shown, counted):
+    """Fill the wanted tiles of a view with the shares of each pixel's that are shown and known.
+
+    Args:
+        seen, known: [height, width] bool of the working image, ``factor`` pixels to each of these
+        number: [rows, columns] of the tiles
+        shown, counted: [tiles, TILE, TILE], added to
+    """
+    height, width = seen.shape
+    side, share = TILE * factor, np.float32(1 / factor**2)
+    for row in range(number.shape[0]):
+        for column in range(number.shape[1]):
+            tile = number[row, column]
+            if tile < 0:
+                continue
+            for y in range(row * side, min((row + 1) * side, height)):
+                i = y // factor - row * TILE
+                for x in range(column * side, min((column + 1) * side, width)):
+                    if known[y, x]:
+                        j = x // factor - column * TILE
+                        counted[tile, i, j] += share
+                        if seen[y, x]:
+                            shown[tile, i, j] += share
+
+
+def choose_factors(size: int, base: int) -> list[int]:
+    """By which the images of the levels are smaller, from just above ``base`` pixels to their own.
+
+    Args:
+        size: of the longer side of the working images
+    """
+    highest = max(0, math.ceil(math.log2(size / base)) - 1)
+    return [2**k for k in range(highest, -1, -1)] if size > base else []

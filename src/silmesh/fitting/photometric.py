@@ -1,0 +1,54 @@
+"""Photo-consistency after a fit: which views it may look at, and what it says of itself."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from silmesh.fitting.fit import fitted_views
+from silmesh.geometry.camera import Cameras
+from silmesh.geometry.originals import Originals
+from silmesh.progress import Share, untold
+from silmesh.relief.judgement import Judged, refine_if_better
+from silmesh.scene.scene import Scene
+from silmesh.settings.fit import FastFit
+from silmesh.views import View
+
+LONGEST = 1600  # pixels of a photograph's longer side; more shows no more of a shape
+
+
+def refine_by_photographs(
+    mesh: trimesh.Trimesh,
+    cameras: Cameras,
+    scene: Scene,
+    views: Sequence[View],
+    settings: FastFit,
+    notes: Mapping[str, Any],
+    progress: Share = untold,
+) -> Judged:
+    """Move a fitted surface to where the photographs agree, if some that are kept out confirm it.
+
+    Args:
+        mesh: fitted, in the cameras' world
+        cameras: of the scene's views, in pixels of the working images, as the fit left them
+        scene: that it was fitted to
+        views: of the photographs
+        settings, notes: of the fit; views that were kept out of it, that have no weight or are
+            distrusted are not looked at
+        progress: is told which share is done
+    """
+    distrusted = set(notes.get("distrusted", ()))
+    believed = [i for i in fitted_views(scene, settings) if cameras.views[i] not in distrusted]
+    unreadable = {view.view for view in views if view.unreadable}
+    return refine_if_better(
+        mesh,
+        Originals(cameras, views, scene.notes.get("lenses"), LONGEST),
+        np.asarray(scene.silhouettes),
+        cameras,
+        settings.sigma_at(scene.silhouettes.shape[-1]),
+        [i for i in believed if cameras.views[i] not in unreadable],
+        scene.frames,
+        settings.seed,
+        progress,
+    )

@@ -1,0 +1,1 @@
+"""What outlines cannot show: the surface moves to where the photographs agree."""

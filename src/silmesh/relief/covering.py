@@ -1,0 +1,128 @@
+"""What silhouettes ask of a field: every pixel of them is filled by something.
+
+The ray of each pixel that the bound covers is followed through the grid. Where it meets nothing,
+free space was seen through the object although no background shows there. The depths whose rays
+pass the sample on it that comes nearest to being inside contradict the silhouettes, as those do
+that gloss pretends, and count no more; what then is still missing is put back.
+"""
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import torch
+from numba import njit
+from scipy.ndimage import binary_dilation
+
+from silmesh.geometry.camera import Cameras
+from silmesh.relief.depths import Depths
+from silmesh.relief.free_space import BAND, Grid
+from silmesh.relief.ncc import OPTIONS
+from silmesh.relief.sights import Sights
+
+WIDE = 1  # voxels by which what is missing grows before it strikes depths
+STEP = 0.5  # voxels between samples of a ray
+PUT_BACK = 0.1  # the field where something is put back, in BANDs
+
+
+def cover(
+    field: np.ndarray,
+    bound: np.ndarray,
+    grid: Grid,
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+) -> np.ndarray:
+    """The places that silhouettes miss: [grid] bool, the samples that are to be put back.
+
+    Args:
+        field, bound: [grid], positive inside
+        silhouettes: [views, height, width] bool
+        cameras: of these views
+    """
+    missing = np.zeros(grid.shape, bool)
+    for i in range(len(cameras)):
+        rows, columns = np.nonzero(silhouettes[i])
+        pixels = np.stack([columns + 0.5, rows + 0.5, np.ones(len(rows))], axis=1)
+        R, K = cameras.R[i].numpy(), cameras.K[i].numpy()
+        ways = pixels @ np.linalg.inv(K).T @ R / grid.spacing
+        eye = (cameras.centres[i].numpy() - grid.origin) / grid.spacing
+        ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+        _follow(field, bound, missing, eye, ways)
+    return missing
+
+
+def strike(
+    votes: np.ndarray, found: Depths, sights: Sights, missing: np.ndarray, grid: Grid
+) -> int:
+    """Take the votes of depths whose rays pass what silhouettes miss before they end, in place.
+
+    Returns:
+        how many depths lost theirs
+    """
+    wide = binary_dilation(missing, iterations=WIDE)
+
+    def pass_through(i: int) -> int:
+        to_grid = np.linalg.inv(sights.K[i]).T @ sights.R[i] / grid.spacing
+        eye = (sights.centres[i] - grid.origin) / grid.spacing
+        return _strike(votes[i], found.depth[i], wide, eye, to_grid)
+
+    with ThreadPoolExecutor(torch.get_num_threads()) as pool:
+        return sum(pool.map(pass_through, range(len(votes))))
+
+
+@njit(**OPTIONS)
+def _strike(votes, depth, missing, eye, to_grid):
+    """The same for one view; ``to_grid`` takes pixels to what a depth of 1 is in the grid."""
+    height, width = depth.shape
+    struck = 0
+    for r in range(height):
+        for c in range(width):
+            if not votes[r, c]:
+                continue
+            way = (c + 0.5) * to_grid[0] + (r + 0.5) * to_grid[1] + to_grid[2]
+            step = STEP / np.sqrt((way * way).sum())
+            at = depth[r, c] - 2 * BAND * step  # STEP is half a voxel
+            while True:
+                at -= step
+                x = int(np.floor(eye[0] + at * way[0] + 0.5))
+                y = int(np.floor(eye[1] + at * way[1] + 0.5))
+                z = int(np.floor(eye[2] + at * way[2] + 0.5))
+                beyond = min(x, y, z) < 0 or x >= missing.shape[0]
+                if at <= 0 or beyond or y >= missing.shape[1] or z >= missing.shape[2]:
+                    break
+                if missing[x, y, z]:
+                    votes[r, c] = 0
+                    struck += 1
+                    break
+    return struck
+
+
+@njit(**OPTIONS)
+def _follow(field, bound, missing, eye, ways):
+    """Mark the best sample of each ray [rays, 3] from the eye that meets nothing inside."""
+    shape = field.shape
+    for ray in range(len(ways)):
+        first, last = 0.0, np.inf
+        for axis in range(3):
+            way = ways[ray, axis]
+            if abs(way) < 1e-9:
+                continue
+            a = (0 - eye[axis]) / way
+            b = (shape[axis] - 1.001 - eye[axis]) / way
+            first, last = max(first, min(a, b)), min(last, max(a, b))
+        best, known = -2.0, False
+        i = j = k = 0
+        at = first
+        while at < last:
+            x = int(eye[0] + at * ways[ray, 0] + 0.5)
+            y = int(eye[1] + at * ways[ray, 1] + 0.5)
+            z = int(eye[2] + at * ways[ray, 2] + 0.5)
+            if bound[x, y, z] > 0:
+                known = True
+                if field[x, y, z] > best:
+                    best = field[x, y, z]
+                    i, j, k = x, y, z
+                    if best > 0:
+                        break
+            at += STEP
+        if known and best <= 0:
+            missing[i, j, k] = True

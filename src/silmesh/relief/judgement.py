@@ -1,0 +1,379 @@
+"""Whether what the photographs make of a surface is better: photographs that were kept out say so.
+
+Every HELD-th photograph is kept out of the refinement. Its pixels are then predicted by the others:
+a pixel's ray meets the surface, the point there is looked up in the nearest views that see it, and
+what they show is compared with what the photograph shows, by PSNR of the colours and by normalised
+cross-correlation (NCC) of the brightness in small blocks. A surface in the wrong place looks up the
+wrong colours. Only what the refinement moved is judged; the rest is the same for both.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import trimesh
+from scipy.ndimage import minimum_filter
+
+from silmesh.geometry.camera import Cameras
+from silmesh.geometry.mesh_files import to_tensors
+from silmesh.geometry.originals import Originals
+from silmesh.geometry.silhouette_iou import silhouette_iou
+from silmesh.geometry.undistortion import sample
+from silmesh.progress import Share, untold
+from silmesh.relief.free_space import Grid
+from silmesh.relief.refinement import Relief, refine
+from silmesh.relief.surface import STANDINGS, judge_standing
+
+HELD = 6  # every so many-th photograph is kept out
+FEWEST = 8  # photographs: of fewer too few are left to agree
+NEIGHBOURS = 4  # views that predict a photograph
+BLOCKS, BLOCK = 400, 5  # of a photograph, and their side in pixels
+FLAT = 2.0  # grey levels: a block or a photograph that varies less shows nothing
+MOVED = 0.002  # of the mesh's size: a surface that is so much nearer or farther is another
+LEAST = 100  # pixels that must have moved to be judged
+GAIN = 0.3  # dB that is better: wrong surfaces that glossy objects suggested gained 0.15
+LOST = 0.001  # of the silhouettes' IoU that may be lost
+GROWTHS = (0.125, 0.25, 0.375, 0.5)  # pixels of the working images
+LIFT = 1e-4  # of the mesh's size: rays start so far above the surface
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A surface after photo-consistency was tried.
+
+    Attributes:
+        mesh: refined, or the one that was given
+        standing: [verts] uint8, what each vertex stands on, a position in ``STANDINGS``
+        notes: for JSON: ``surface``, the share of each; whether it was ``taken``, ``because`` of
+            what, and both ``said`` in a line; where it was tried also ``held_out``, ``psnr``,
+            ``ncc`` and ``iou`` before and after, ``seconds`` and the refinement's own notes
+    """
+
+    mesh: trimesh.Trimesh
+    standing: np.ndarray
+    notes: dict[str, Any]
+
+
+def refine_if_better(
+    mesh: trimesh.Trimesh,
+    originals: Originals,
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+    sigma: float,
+    kept: Sequence[int] | None = None,
+    frames: np.ndarray | None = None,
+    seed: int = 0,
+    progress: Share = untold,
+    by: Callable[..., Relief] = refine,
+) -> Judged:
+    """Refine a surface by photographs, and take it if photographs that were kept out agree.
+
+    Args:
+        mesh, originals, silhouettes, cameras, seed, progress: as ``refine`` has them
+        sigma: softness of the silhouettes, by which their IoU is measured
+        kept: positions of the views that are believed; all if not given
+        frames: [views, 4] of the photographs within the working images
+        by: what refines
+    """
+    started = time.perf_counter()
+    views = list(range(len(cameras)) if kept is None else kept)
+    before = _stand(mesh, silhouettes, cameras, views)
+    if doubt := _find_doubt(originals, silhouettes, views):
+        return _stay(mesh, before, doubt, {}, started)
+    held = views[HELD - 1 :: HELD]
+    used = [view for view in views if view not in held]
+    relief = by(mesh, originals, silhouettes, cameras, used, seed, progress)
+    notes = {"held_out": [cameras.views[i] for i in held], "refinement": relief.notes}
+    if not relief.changed:
+        return _stay(mesh, before, str(relief.notes["reason"]), notes, started)
+    refined = _as_written(relief)
+    told = cameras, silhouettes, sigma, frames
+    refined, grown, iou = _fill_outlines(mesh, refined, *told)
+    seen = compare(mesh, refined, originals, silhouettes, held, used)
+    notes |= {"iou": iou, "grown": grown, **seen}
+    why, better = _decide(iou, seen)
+    if not better:
+        return _stay(mesh, before, why, notes, started)
+    return Judged(refined, relief.standing, _describe(True, why, relief.standing, notes, started))
+
+
+def compare(
+    old: trimesh.Trimesh,
+    new: trimesh.Trimesh,
+    originals: Originals,
+    silhouettes: np.ndarray,
+    held: Sequence[int],
+    used: Sequence[int],
+) -> dict[str, Any]:
+    """How well two surfaces predict the photographs at ``held`` from those at ``used``.
+
+    Returns:
+        ``moved``, how many of the pixels that were looked at lie where the surfaces differ;
+        ``psnr`` in dB and ``ncc``, each with ``before`` and ``after``, there, None if there is no
+        such pixel; ``psnr_all``, of all pixels
+    """
+    blocks = [_pick(originals, silhouettes, i) for i in held]
+    hits = [[_meet(body, block) for block in blocks] for body in (old, new)]
+    seen = [
+        _predict(body, hit, blocks, originals, used)
+        for body, hit in zip((old, new), hits, strict=True)
+    ]
+    scale, errors, correlations, moved = old.scale, ([], []), ([], []), []
+    for i, block in enumerate(blocks):
+        both = np.isfinite(seen[0][i][:, 0]) & np.isfinite(seen[1][i][:, 0])
+        apart = np.linalg.norm(hits[0][i].points - hits[1][i].points, axis=1) > MOVED * scale
+        moved.append((both & apart)[both])
+        for side in (0, 1):
+            error = ((seen[side][i] - block.colours) ** 2).mean(axis=1)
+            errors[side].append(error[both])
+            correlations[side].append(_correlate(seen[side][i], block.colours, both & apart))
+    where = np.concatenate(moved)
+    told = [np.concatenate(side) for side in errors]
+    alike = [np.concatenate(side) for side in correlations]
+    return {
+        "moved": int(where.sum()),
+        "pixels": len(where),
+        "psnr": _pair(*(_psnr(error[where]) for error in told)),
+        "psnr_all": _pair(*map(_psnr, told)),
+        "ncc": _pair(*(_mean(found) for found in alike)),
+    }
+
+
+@dataclass(frozen=True)
+class _Blocks:
+    """Pixels of a photograph in blocks that lie within the silhouette.
+
+    Attributes:
+        eye: [3] of its camera
+        rays: [n, 3] through the pixels, a block's BLOCK * BLOCK pixels after one another
+        colours: [n, 3] as it shows them, 0 to 255
+    """
+
+    eye: np.ndarray
+    rays: np.ndarray
+    colours: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Hits:
+    """Where rays meet a mesh first: [n, 3] points and unit normals, NaN where they miss it."""
+
+    points: np.ndarray
+    normals: np.ndarray
+
+
+def _find_doubt(originals: Originals, silhouettes: np.ndarray, views: Sequence[int]) -> str:
+    """Why there is nothing to be tried; "" if there is."""
+    if len(views) < FEWEST:
+        return f"of {len(views)} photographs too few would be left; {FEWEST} are needed"
+    some = views[:: max(1, len(views) // 5)]
+    if np.median([_vary(originals, silhouettes, i) for i in some]) < FLAT:
+        return "the photographs show nothing within the outlines"
+    return ""
+
+
+def _vary(originals: Originals, silhouettes: np.ndarray, i: int) -> float:
+    """Standard deviation of what a photograph shows within its silhouette, in grey levels."""
+    inside = _shrink(originals.enlarge(i, silhouettes[i]))
+    return float(originals.read(i)[inside].mean(axis=1).std()) if inside.any() else 0.0
+
+
+def _shrink(inside: np.ndarray) -> np.ndarray:
+    """The pixels of a silhouette that have a block's width of it on all sides."""
+    return minimum_filter(inside, size=2 * BLOCK + 1, mode="constant")
+
+
+def _pick(originals: Originals, silhouettes: np.ndarray, i: int) -> _Blocks:
+    """Blocks that are spread at random over the i-th photograph's silhouette."""
+    picture = originals.read(i)
+    centres = np.argwhere(_shrink(originals.enlarge(i, silhouettes[i])))
+    count = min(BLOCKS, len(centres))
+    chosen = centres[np.random.default_rng(i).choice(len(centres), count, replace=False)]
+    reach = np.arange(BLOCK) - BLOCK // 2
+    offsets = np.stack(np.meshgrid(reach, reach, indexing="ij"), axis=-1).reshape(-1, 2)
+    y, x = (chosen[:, None] + offsets).reshape(-1, 2).T
+    camera = originals.cameras
+    pixels = np.stack([x + 0.5, y + 0.5, np.ones(len(x))], axis=1)
+    rays = pixels @ np.linalg.inv(camera.K[i].numpy()).T @ camera.R[i].numpy()
+    return _Blocks(camera.centres[i].numpy(), rays, picture[y, x].astype(float))
+
+
+def _meet(mesh: trimesh.Trimesh, block: _Blocks) -> _Hits:
+    points, normals = np.full(block.rays.shape, np.nan), np.full(block.rays.shape, np.nan)
+    if not len(block.rays):
+        return _Hits(points, normals)
+    faces = mesh.ray.intersects_first(np.tile(block.eye, (len(block.rays), 1)), block.rays)
+    hit = faces >= 0
+    corner, normal = mesh.triangles[faces[hit], 0], mesh.face_normals[faces[hit]]
+    along = ((corner - block.eye) * normal).sum(axis=1) / (block.rays[hit] * normal).sum(axis=1)
+    points[hit] = block.eye + along[:, None] * block.rays[hit]
+    normals[hit] = normal
+    return _Hits(points, normals)
+
+
+def _predict(
+    mesh: trimesh.Trimesh,
+    hits: Sequence[_Hits],
+    blocks: Sequence[_Blocks],
+    originals: Originals,
+    used: Sequence[int],
+) -> list[np.ndarray]:
+    """What the nearest of the used views show at each of the hits: [n, 3] each, NaN if none."""
+    middle, cameras = mesh.bounds.mean(axis=0), originals.cameras
+    near = [
+        _nearest(block.eye - middle, cameras.centres.numpy() - middle, used) for block in blocks
+    ]
+    sums = [np.zeros((len(block.rays), 4)) for block in blocks]
+    for view in sorted({view for angles in near for view in angles}):
+        picture = originals.read(view).astype(np.float32)
+        for hit, total, angles in zip(hits, sums, near, strict=True):
+            if view in angles:
+                total += _look_up(mesh, hit, cameras, view, picture) / max(angles[view], 0.01) ** 2
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return [total[:, :3] / total[:, 3:] for total in sums]
+
+
+def _nearest(towards: np.ndarray, others: np.ndarray, used: Sequence[int]) -> dict[int, float]:
+    """The used views whose cameras stand nearest in direction, with the angles in radians."""
+    units = others[list(used)] / np.linalg.norm(others[list(used)], axis=1, keepdims=True)
+    angles = np.arccos((units @ (towards / np.linalg.norm(towards))).clip(-1, 1))
+    order = np.argsort(angles, kind="stable")[:NEIGHBOURS]
+    return {used[i]: float(angles[i]) for i in order}
+
+
+def _look_up(
+    mesh: trimesh.Trimesh, hit: _Hits, cameras: Cameras, view: int, picture: np.ndarray
+) -> np.ndarray:
+    """Colours times weight, and weight, of points in one view: [n, 4]; 0 where it sees them not."""
+    found = np.zeros((len(hit.points), 4))
+    towards = cameras.centres[view].numpy() - hit.points
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    cosine = (towards * hit.normals).sum(axis=1)
+    facing = np.flatnonzero(cosine > 0.1)  # NaN is not
+    if not len(facing):
+        return found
+    starts = hit.points[facing] + LIFT * mesh.scale * hit.normals[facing]
+    facing = facing[~mesh.ray.intersects_any(starts, towards[facing])]
+    P = cameras.projections[view].numpy()
+    seen = hit.points[facing] @ P[:, :3].T + P[:, 3]
+    pixels = seen[:, :2] / seen[:, 2:]
+    width, height = cameras.sizes[view].tolist()
+    within = ((pixels > 0) & (pixels < (width, height))).all(axis=1)
+    facing, pixels = facing[within], pixels[within].astype(np.float32)
+    colours = sample(picture, pixels[None], "bilinear")[0]
+    found[facing] = cosine[facing, None] * np.column_stack([colours, np.ones(len(facing))])
+    return found
+
+
+def _correlate(seen: np.ndarray, shown: np.ndarray, counted: np.ndarray) -> np.ndarray:
+    """NCC of the blocks whose pixels all count, and which show something: [blocks of them]."""
+    size = BLOCK * BLOCK
+    whole = counted.reshape(-1, size).all(axis=1)
+    a, b = (part.mean(axis=1).reshape(-1, size)[whole] for part in (seen, shown))
+    a, b = (part - part.mean(axis=1, keepdims=True) for part in (a, b))
+    rich = b.std(axis=1) > FLAT
+    a, b = a[rich], b[rich]
+    return (a * b).sum(axis=1) / (np.linalg.norm(a, axis=1) * np.linalg.norm(b, axis=1) + 1e-9)
+
+
+def _psnr(error: np.ndarray) -> float | None:
+    """Of squared errors of 0..255."""
+    return float(10 * np.log10(255**2 / max(error.mean(), 1e-9))) if len(error) else None
+
+
+def _mean(values: np.ndarray) -> float | None:
+    return float(values.mean()) if len(values) else None
+
+
+def _pair(before: Any, after: Any) -> dict[str, Any]:
+    return {"before": before, "after": after}
+
+
+def _measure_iou(
+    mesh: trimesh.Trimesh,
+    cameras: Cameras,
+    silhouettes: np.ndarray,
+    sigma: float,
+    frames: np.ndarray | None,
+) -> float:
+    """Mean IoU with the silhouettes."""
+    found = silhouette_iou(*to_tensors(mesh), cameras, silhouettes, sigma, frames)
+    return float(found.mean())
+
+
+def _fill_outlines(
+    old: trimesh.Trimesh, new: trimesh.Trimesh, cameras: Cameras, *told: Any
+) -> tuple[trimesh.Trimesh, float, dict[str, float]]:
+    """Grow a refined surface, by half a pixel at most, until it fills the silhouettes again.
+
+    A surface between depths ends a part of a pixel within the outlines.
+
+    Returns:
+        the surface, as it was if that does not help; by how many pixels of the working images it
+        has grown; the IoU of the old surface and of this one
+    """
+    before, after = (_measure_iou(mesh, cameras, *told) for mesh in (old, new))
+    if before - after <= LOST:
+        return new, 0.0, _pair(before, after)
+    away = (cameras.centres - cameras.centres.new_tensor(old.bounds.mean(axis=0))).norm(dim=1)
+    pixel = float((away / cameras.K[:, 0, 0]).median())
+    for growth in GROWTHS:
+        moved = new.vertices + growth * pixel * new.vertex_normals
+        grown = trimesh.Trimesh(np.float64(np.float32(moved)), new.faces, process=False)
+        iou = _measure_iou(grown, cameras, *told)
+        if before - iou <= LOST:
+            return grown, growth, _pair(before, iou)
+    return new, 0.0, _pair(before, after)
+
+
+def _decide(iou: dict[str, float], seen: dict[str, Any]) -> tuple[str, bool]:
+    """What to say of a refined surface, and whether it is better."""
+    fallen = iou["before"] - iou["after"]
+    if fallen > LOST:
+        return f"the silhouettes' IoU would fall by {fallen:.4f}", False
+    if seen["moved"] < LEAST:
+        return "no photograph that was kept out shows what moved", False
+    before, after = seen["psnr"].values()
+    said = f"photographs that were kept out are predicted with {after:.2f} dB where it moves"
+    alike = seen["ncc"]["before"], seen["ncc"]["after"]
+    fits = alike[0] is None or alike[1] >= alike[0]
+    fits = fits and seen["psnr_all"]["after"] >= seen["psnr_all"]["before"]
+    if after - before < GAIN or not fits:
+        return f"{said}, not better enough than {before:.2f} dB before", False
+    return f"{said}, {before:.2f} dB before", True
+
+
+def _as_written(relief: Relief) -> trimesh.Trimesh:
+    """The mesh as it is read from the file that is written of it."""
+    single = np.asarray(relief.verts).astype(np.float32).astype(np.float64)
+    return trimesh.Trimesh(single, relief.faces, process=False)
+
+
+def _stand(
+    mesh: trimesh.Trimesh, silhouettes: np.ndarray, cameras: Cameras, views: Sequence[int]
+) -> np.ndarray:
+    """What the vertices stand on before photographs have a say: an outline, or nothing."""
+    grid = Grid.over(mesh, 2)
+    unseen = np.zeros(grid.shape, np.float32)
+    shown = silhouettes[list(views)], cameras.select(list(views))
+    return judge_standing(np.asarray(mesh.vertices), unseen, grid, *shown)
+
+
+def _stay(
+    mesh: trimesh.Trimesh, standing: np.ndarray, why: str, notes: dict[str, Any], started: float
+) -> Judged:
+    return Judged(mesh, standing, _describe(False, why, standing, notes, started))
+
+
+def _describe(
+    taken: bool, why: str, standing: np.ndarray, notes: dict[str, Any], started: float
+) -> dict[str, Any]:
+    shares = np.bincount(standing, minlength=len(STANDINGS)) / max(len(standing), 1)
+    surface = dict(zip(STANDINGS, shares.tolist(), strict=True))
+    said = f"the surface stays as the outlines have it: {why}"
+    if taken:
+        said = f"the photographs move {surface['photographs']:.0%} of the surface: {why}"
+    told = {"surface": surface, "taken": taken, "because": why, "said": said, **notes}
+    return told | {"seconds": round(time.perf_counter() - started, 2)}
