@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from silmesh.cameras.sets import CLASH
 from silmesh.errors import InputError, blaming
+from silmesh.reading import is_array
 from silmesh.settings.fit import refuse_clash
 from silmesh.settings.train import NEW
 from silmesh.silhouettes.tflite import is_tflite
@@ -84,13 +85,13 @@ def _refuse_opaque(silhouettes: str, images: tuple[Path, ...]) -> None:
 
 def _refuse_few_views(run: "Run") -> None:
     images = run.dataset.images
-    array = images[0].suffix == ".npy"
+    array = is_array(images[0])
     if array and run.cameras == "colmap":
         raise InputError(
             f"{images[0]}: an array of images, but cameras 'colmap' needs the photographs as "
             "files; should be 'calibrate' or a file of cameras"
         )
-    count = count_array_views(images[0]) if array and images[0].is_file() else len(images)
+    count = count_array_views(images[0]) if array else len(images)
     every = run.settings.fit.holdout
     if every and count - count // every < FEWEST_FITTED:
         raise InputError(

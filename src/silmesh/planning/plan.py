@@ -39,6 +39,7 @@ from silmesh.planning.feasible import (
     refuse_other_weights,
     refuse_unknown_weights,
 )
+from silmesh.reading import is_array
 from silmesh.report.published import check_published
 from silmesh.settings.init import mesh_file
 from silmesh.settings.section import NAME, Section
@@ -517,7 +518,7 @@ def _refuse_unfindable(
         own = f"variants.{name}." * (deeplab.weights != config.deeplab.weights)
         key = f"{own}deeplab.weights"
         _refuse_lacking(f"{where}: {key}", deeplab.weights, deeplab.model, promised)
-    if silhouettes == "mask" and dataset.images[0].suffix == ".npy":
+    if silhouettes == "mask" and is_array(dataset.images[0]):
         raise InputError(
             f"{dataset.where}: silhouettes are 'mask' (variant {name!r}), but an array of images "
             "has its masks in its alpha channel; should be 'alpha'"
