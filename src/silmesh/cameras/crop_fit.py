@@ -132,11 +132,14 @@ def fit_crops(
     x = cropped.fit(x, shared, FINE_STEPS, frontier=False)
     progress(FITTED)
     x, pixels, agrees = _fit_agreeing(cropped, x, shared)
-    agreeing = np.flatnonzero(agrees)
-    if len(agreeing) >= FEWEST_AGREEING and _are_uneven(*_select(cropped, x, agreeing)):
+    if agrees.sum() < FEWEST_AGREEING:
+        return None
+    if _are_uneven(*_select(cropped, x, np.flatnonzero(agrees))):
         angles = turn.shared + np.arange(len(agrees))
         x = cropped.fit(x, np.r_[shared, angles], FINE_STEPS, frontier=False)
         x, pixels, agrees = _fit_agreeing(cropped, x, shared)
+        if agrees.sum() < FEWEST_AGREEING:
+            return None
     progress(1)
     return CropFit(cropped, x, few.rivals, few.mirror, pixels, agrees)
 
