@@ -87,13 +87,7 @@ def bake(
     chosen = list(range(len(originals)) if kept is None else kept)
     with ThreadPoolExecutor(min(THREADS, get_num_threads())) as pool:
         flat = pool.submit(unwrap, np.asarray(mesh.vertices), np.asarray(mesh.faces))
-        cameras = originals.cameras.select(chosen)
-        shots, details = _read_all(pool, mesh, originals, silhouettes, chosen, refine, progress)
-        moves: dict[str, Any] = {}
-        if refine:
-            cameras, moves = Alignment(cameras, *details).run()
-        corners = Points(mesh, np.asarray(mesh.vertices), np.asarray(mesh.vertex_normals))
-        views = list(pool.map(lambda k: weigh(corners, cameras, k, shots[k]), range(len(chosen))))
+        views, moves = _see(pool, mesh, originals, silhouettes, chosen, refine, progress)
         progress(0.6)
         blend = _Blend(mesh, views)
         atlas = flat.result()
@@ -111,12 +105,31 @@ def bake(
         "charts": atlas.charts,
         "unseen": round(1 - shown, 4),
         "views": len(chosen),
-        "gains": blend.describe(cameras.views),
+        "gains": blend.describe([originals.cameras.views[i] for i in chosen]),
         "cameras": moves,
         "seconds": round(time.perf_counter() - start, 2),
     }
     verts = np.asarray(mesh.vertices, float)[atlas.origin]
     return Texture(verts, atlas.faces, atlas.uv, atlas.origin, image, seen, notes)
+
+
+def _see(
+    pool: ThreadPoolExecutor,
+    mesh: trimesh.Trimesh,
+    originals: Originals,
+    silhouettes: np.ndarray,
+    chosen: Sequence[int],
+    refine: bool,
+    progress: Share,
+) -> tuple[list[Seen], dict[str, Any]]:
+    """What each photograph shows of the mesh's vertices, and how the cameras were refined."""
+    cameras, moves = originals.cameras.select(chosen), {}
+    shots, details = _read_all(pool, mesh, originals, silhouettes, chosen, refine, progress)
+    if refine:
+        cameras, moves = Alignment(cameras, *details).run()
+    corners = Points(mesh, np.asarray(mesh.vertices), np.asarray(mesh.vertex_normals))
+    views = pool.map(lambda k: weigh(corners, cameras, k, shots[k]), range(len(chosen)))
+    return list(views), moves
 
 
 def _read_all(
