@@ -178,3 +178,11 @@ def test_without_anything_seen_all_is_grey(ball):
     assert np.abs(texture.image.astype(int) - 124).max() <= 1
     assert not texture.seen.any()
     assert texture.notes["unseen"] == 1
+
+
+def test_cameras_stay_where_photographs_show_nothing(ball):
+    for i in range(VIEWS):
+        ball.change(i, lambda image: np.full_like(image, 255))
+    moves = ball.bake().notes["cameras"]
+    assert moves["moved"] == moves["pixels"] == 0
+    assert moves["error_after"] == moves["error_before"]

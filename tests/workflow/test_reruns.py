@@ -22,7 +22,7 @@ def from_fit(*variants: str, name: str = "cup") -> set[str]:
     """A fit and what follows from it."""
     steps = ("fit", "colour", "evaluate", "picture")
     jobs = {f"{step} {name}/{v}" for v in variants for step in steps}
-    return jobs | {f"figure {name}", "report report"}
+    return jobs | {f"figure {name}", "conclude report/comparison", "report report"}
 
 
 FROM_FIRST = set(FIRST.values()) | from_fit(*VARIANTS)

@@ -23,7 +23,8 @@ ROUND = "results/cup/round"
 
 
 def after_texture() -> set[str]:
-    return {f"{step} cup/round" for step in ("texture", "picture", "evaluate")} | {"report report"}
+    after = {f"{step} cup/round" for step in ("texture", "picture", "evaluate")}
+    return after | {"conclude report/comparison", "report report"}
 
 
 def test_a_texture_is_made_measured_kept_and_made_again_where_it_should(fresh):
