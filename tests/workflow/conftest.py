@@ -78,7 +78,7 @@ class Project:
     def outdated(self, *arguments: str, **settings) -> set[str]:
         """The jobs that a dry run lists, as step and output: ``fit cup/round``."""
         said = self.run("--dry-run", "--printshellcmds", *arguments, **settings)
-        jobs = re.findall(r"silmesh\.steps (\w+) .*--(?:output|meshes|outputs|page|table) (\S+)", said)
+        jobs = re.findall(r"silmesh\.steps (\w+) .*--(?:outputs?|meshes|page|table) (\S+)", said)
         counted = re.search(r"^total +(\d+)$", said, re.M)
         assert len(jobs) == (int(counted[1]) - 1 if counted else 0), said  # less the rule `all`
         return {f"{step} {_short(path)}" for step, path in jobs}

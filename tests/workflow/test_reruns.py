@@ -15,14 +15,15 @@ VARIANTS = ("round", "boxed")
 SCENE = "cup/32-pad-mask-turntable"
 JUDGED = f"{SCENE}-keep-3"
 FIRST = {"round": f"initial {JUDGED}-sphere-60-none", "boxed": f"initial {JUDGED}-sphere-60-bbox"}
-REPORT = {"figure cup", "report report"}
+COMPARED = "conclude report/comparison"
+REPORT = {"figure cup", COMPARED, "report report"}
 
 
 def from_fit(*variants: str, name: str = "cup") -> set[str]:
     """A fit and what follows from it."""
     steps = ("fit", "colour", "evaluate", "picture")
     jobs = {f"{step} {name}/{v}" for v in variants for step in steps}
-    return jobs | {f"figure {name}", "conclude report/comparison", "report report"}
+    return jobs | {f"figure {name}", COMPARED, "report report"}
 
 
 FROM_FIRST = set(FIRST.values()) | from_fit(*VARIANTS)
@@ -79,7 +80,7 @@ def test_what_changes_nothing_reruns_nothing(project):
         ("cameras/turntable.py", "HALF_ANGLE = 15.0", "HALF_ANGLE = 14.0", FROM_CAMERAS),
         ("files.py", "import os\n", "import os\n\nEXTRA = 1\n", ALL),
         ("steps/evaluate.py", 'indent=1) + "\\n"', "indent=1)", {
-            *(f"evaluate cup/{v}" for v in VARIANTS), "report report"}),
+            *(f"evaluate cup/{v}" for v in VARIANTS), COMPARED, "report report"}),
     ],
     ids=lambda value: value if isinstance(value, str) and value.endswith(".py") else "",
 )  # fmt: skip
