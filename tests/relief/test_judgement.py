@@ -87,9 +87,13 @@ def propose(mesh: trimesh.Trimesh):
     return by
 
 
-def judge(scene: Scene, old: trimesh.Trimesh, new: trimesh.Trimesh):
+def judge(scene: Scene, old: trimesh.Trimesh, new: trimesh.Trimesh, mend=None):
+    return judge_by(scene, old, propose(new), mend)
+
+
+def judge_by(scene: Scene, old: trimesh.Trimesh, by, mend=None):
     return refine_if_better(
-        old, scene.originals, scene.silhouettes, scene.cameras, SIGMA, by=propose(new)
+        old, scene.originals, scene.silhouettes, scene.cameras, SIGMA, by=by, mend=mend
     )
 
 
@@ -131,6 +135,34 @@ def test_a_surface_a_part_of_a_pixel_too_small_grows(dented: Scene) -> None:
     assert found.notes["iou"]["after"] >= found.notes["iou"]["before"] - 0.001
     radius = np.linalg.norm(found.mesh.vertices, axis=1).max()
     assert 0.4 - 0.35 * 0.0229 < radius < 0.4 + 0.15 * 0.0229
+
+
+def test_a_surface_that_leaves_the_outlines_is_mended_if_it_can_be(dented: Scene) -> None:
+    small = make_ball(0.15)
+    small.apply_scale(0.93)
+    found = judge(dented, make_ball(0.0), small, mend=lambda mesh: make_ball(0.15))
+    assert found.notes["taken"], found.notes["because"]
+    assert found.notes["mended"]
+    assert np.allclose(found.mesh.vertices, make_ball(0.15).vertices, atol=1e-6)
+    vain = judge(dented, make_ball(0.0), small, mend=lambda mesh: mesh)
+    assert not vain.notes["taken"]
+
+
+@pytest.mark.parametrize(("last", "by_all"), [(0.15, True), (0.3, False)])
+def test_what_is_confirmed_is_made_of_all_photographs(
+    dented: Scene, last: float, by_all: bool
+) -> None:
+    """But where that is not confirmed by as much, the surface stays that was."""
+    asked = []
+
+    def by(mesh, originals, silhouettes, cameras, views, *_: object) -> Relief:
+        asked.append(list(views))
+        return propose(make_ball(0.15 if len(asked) == 1 else last))()
+
+    found = judge_by(dented, make_ball(0.0), by)
+    assert [len(views) for views in asked] == [15, 18]
+    assert found.notes["by_all"]["taken"] == by_all
+    assert np.allclose(found.mesh.vertices, make_ball(0.15).vertices, atol=1e-6)
 
 
 def test_the_same_surface_is_no_gain(dented: Scene) -> None:
