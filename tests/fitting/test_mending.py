@@ -37,11 +37,12 @@ def fit_to(mesh: trimesh.Trimesh, cameras: Cameras, silhouettes: np.ndarray) -> 
 
 
 def test_the_outline_comes_back_and_the_hollow_stays(cameras):
-    truth, small = make_bowl(RADIUS), make_bowl(0.95 * RADIUS)
+    truth, small = make_bowl(RADIUS), make_bowl(0.98 * RADIUS)
     silhouettes = render(truth, cameras, (SIZE, SIZE))
-    assert fit_to(small, cameras, silhouettes) < 0.93
+    best = fit_to(truth, cameras, silhouettes)  # rays and the renderer differ by parts of pixels
+    assert fit_to(small, cameras, silhouettes) < best - 0.04
     mended = follow_outlines(small, cameras, silhouettes, FastFit())
-    assert fit_to(mended, cameras, silhouettes) > 0.99
+    assert fit_to(mended, cameras, silhouettes) > best - 0.01
     assert np.array_equal(mended.faces, small.faces)
     floor = np.linalg.norm(small.vertices, axis=1).argmin()
     moved = np.linalg.norm(mended.vertices[floor] - small.vertices[floor])

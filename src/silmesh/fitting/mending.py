@@ -15,11 +15,17 @@ from silmesh.fitting.image_pyramid import BASE
 from silmesh.geometry.camera import INITIAL_SCALE, Cameras, Similarity
 from silmesh.geometry.frame import known_pixels
 from silmesh.geometry.mesh_files import to_tensors
-from silmesh.settings.fit import FastFit
+from silmesh.settings.fit import FastFit, FastWeights
 
 STEPS = 60  # at most
 SPREAD = 2.0  # pixels over which a step spreads: a surface of small triangles would hardly move
-FIXED = {"coarse_to_fine": False, "refine_cameras": False, "remesh": False, "untangle": False}
+FIXED = {  # the smoothness terms would smooth what photographs have found, also where no outline is
+    "coarse_to_fine": False,
+    "refine_cameras": False,
+    "remesh": False,
+    "untangle": False,
+    "weights": FastWeights(laplacian=0, flatten=0),
+}
 
 
 def follow_outlines(

@@ -38,7 +38,6 @@ MOVED = 0.002  # of the mesh's size: a surface that is so much nearer or farther
 LEAST = 100  # pixels that must have moved to be judged
 GAIN = 0.3  # dB that is better: wrong surfaces that glossy objects suggested gained 0.15
 LOST = 0.001  # of the silhouettes' IoU that may be lost
-GROWTHS = (0.125, 0.25, 0.375, 0.5)  # pixels of the working images
 LIFT = 1e-4  # of the mesh's size: rays start so far above the surface
 
 
@@ -338,39 +337,22 @@ def _pair(before: Any, after: Any) -> dict[str, Any]:
 
 
 def _fill_outlines(scene: _Scene, new: trimesh.Trimesh) -> tuple[trimesh.Trimesh, dict[str, Any]]:
-    """Make a refined surface fill the silhouettes as the old one does, if it does not.
+    """Mend a refined surface if it does not fill the silhouettes as the old one does.
 
-    A surface between depths ends a part of a pixel within the outlines, so it grows by half a pixel
-    at most. Where that is not enough, as of an old mesh that follows each step of the masks'
-    pixels, it is mended.
+    A surface between depths ends a part of a pixel within the outlines, and an old mesh may follow
+    each step of the masks' pixels.
 
     Returns:
-        the surface, as it was if nothing helps; and the notes ``iou`` of the old surface and of
-        this one, ``grown`` by how many pixels of the working images, and whether it was ``mended``
+        the surface, as it was if that does not help; and the notes ``iou`` of the old surface and
+        of this one, and whether it was ``mended``
     """
     before, after = map(scene.measure_iou, (scene.mesh, new))
-    best = new, {"iou": _pair(before, after), "grown": 0.0, "mended": False}
-    if before - after <= LOST:
-        return best
-    for growth in GROWTHS:
-        grown = _grow(new, growth, scene.cameras)
-        iou = scene.measure_iou(grown)
-        if before - iou <= LOST:
-            return grown, {"iou": _pair(before, iou), "grown": growth, "mended": False}
-    if scene.mend:
+    if before - after > LOST and scene.mend:
         mended = scene.mend(new)
         iou = scene.measure_iou(mended)
         if iou > after:
-            return mended, {"iou": _pair(before, iou), "grown": 0.0, "mended": True}
-    return best
-
-
-def _grow(mesh: trimesh.Trimesh, growth: float, cameras: Cameras) -> trimesh.Trimesh:
-    """The mesh, moved outwards by so many pixels of the working images."""
-    away = (cameras.centres - cameras.centres.new_tensor(mesh.bounds.mean(axis=0))).norm(dim=1)
-    pixel = float((away / cameras.K[:, 0, 0]).median())
-    moved = mesh.vertices + growth * pixel * mesh.vertex_normals
-    return trimesh.Trimesh(np.float64(np.float32(moved)), mesh.faces, process=False)
+            return mended, {"iou": _pair(before, iou), "mended": True}
+    return new, {"iou": _pair(before, after), "mended": False}
 
 
 def _decide(iou: dict[str, float], seen: dict[str, Any]) -> tuple[str, bool]:
