@@ -150,6 +150,7 @@ def draw_sheet(path: Path, files: list[Path], found: list[np.ndarray]) -> None:
             inner &= np.roll(silhouette, step, axis)
         pixels[silhouette & ~inner] = (0, 255, 0)
         tiles.append(pixels)
+    tiles += [np.zeros_like(tiles[0])] * (-len(tiles) % 8)
     rows = [np.concatenate(tiles[i : i + 8], axis=1) for i in range(0, len(tiles), 8)]
     path.parent.mkdir(parents=True, exist_ok=True)
     Image.fromarray(np.concatenate(rows)).save(path)

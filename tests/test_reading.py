@@ -1,12 +1,25 @@
 """What is read of a person's: text, JSON, .npy; and what a message says of what was found."""
 
 import json
+import os
+import zipfile
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from silmesh.errors import LONGEST, InputError, reading, shorten
-from silmesh.reading import open_array, read_json, read_text
+from silmesh.reading import (
+    VOXELS,
+    count_objects,
+    is_array,
+    open_array,
+    read_json,
+    read_row,
+    read_text,
+    read_voxels,
+    split_row,
+)
 
 
 @pytest.mark.parametrize(
@@ -63,6 +76,64 @@ def test_a_wrong_header_of_an_array_is_refused(tmp_path, header):
 def test_an_array_is_read(tmp_path):
     np.save(tmp_path / "a.npy", np.arange(3))
     assert open_array(tmp_path / "a.npy").tolist() == [0, 1, 2]
+
+
+@pytest.mark.parametrize("save", [np.savez, np.savez_compressed])
+def test_a_row_of_an_archive_is_read(tmp_path, save):
+    voxels = np.random.default_rng(0).integers(0, 2, (3, 32, 32, 32), np.uint8)
+    save(tmp_path / "a.npz", voxels)
+    for i in (2, 0, 1):
+        row = read_row(tmp_path / f"a.npz#{i}", VOXELS)
+        np.testing.assert_array_equal(row, voxels[i])
+        np.testing.assert_array_equal(read_voxels(tmp_path / f"a.npz#{i}"), voxels[i] == 1)
+    with pytest.raises(InputError, match=r"a\.npz: has the objects 0 to 2, not 3"):
+        read_row(tmp_path / "a.npz#3", VOXELS)
+
+
+def test_a_row_of_an_archive_that_was_replaced_is_read_anew(tmp_path):
+    file = tmp_path / "a.npz"
+    for value in (0, 1):
+        np.savez(file, np.full((1, 32, 32, 32), value, np.uint8))
+        os.utime(file, (value + 1, value + 1))
+        assert read_row(tmp_path / "a.npz#0", VOXELS).max() == value
+
+
+def test_a_damaged_archive_is_refused(tmp_path):
+    file = tmp_path / "a.npz"
+    np.savez_compressed(file, np.ones((2, 32, 32, 32), np.uint8))
+    content = file.read_bytes()
+    for size in range(0, len(content), 7):
+        file.write_bytes(content[:size])
+        with pytest.raises(InputError, match=r"cannot be read as an \.npz file"):
+            count_objects(file, VOXELS)
+    np.savez(file, a=np.zeros(1), b=np.zeros(1))
+    with pytest.raises(InputError, match="should hold one array, of all objects, not 2"):
+        count_objects(file, VOXELS)
+    np.savez(file, np.asfortranarray(np.zeros((2, 32, 32, 32))))
+    with pytest.raises(InputError, match="should hold numbers row by row"):
+        count_objects(file, VOXELS)
+    with zipfile.ZipFile(file, "w") as archive, archive.open("arr_0.npy", "w") as member:
+        header = {"descr": "|u1", "fortran_order": False, "shape": (9, 32, 32, 32)}
+        np.lib.format.write_array_header_1_0(member, header)
+        member.write(bytes(32**3 + 5))
+    assert count_objects(file, VOXELS) == 9
+    with pytest.raises(InputError, match="it ends within object 1"):
+        read_row(tmp_path / "a.npz#1", VOXELS)
+
+
+@pytest.mark.parametrize(
+    ("voxels", "said"), [(np.zeros, "no voxel is full"), (lambda *a: np.full(*a[:1], 0.5), "0.5")]
+)
+def test_voxels_that_are_none(tmp_path, voxels, said):
+    np.savez(tmp_path / "a.npz", voxels((1, 32, 32, 32)))
+    with pytest.raises(InputError, match=said):
+        read_voxels(tmp_path / "a.npz#0")
+
+
+def test_paths_of_arrays():
+    assert split_row("x/a.npz#12") == (Path("x/a.npz"), 12)
+    assert split_row("x/a.npz") is split_row("x/a#3.png") is None
+    assert [is_array(f"a.{kind}") for kind in ("npy", "npz#0", "npz#x")] == [True, True, False]
 
 
 def test_a_message_is_no_longer_than_can_be_read():

@@ -21,7 +21,7 @@ from silmesh.errors import InputError, explain, reading
 from silmesh.files import making
 from silmesh.naming import SUFFIXES, name_views, order_photographs, split_masks
 from silmesh.progress import Share, untold
-from silmesh.reading import open_array
+from silmesh.reading import IMAGES, is_array, open_array, read_row, split_row
 
 MANIFEST = "views.json"
 # Formats as Pillow calls them.
@@ -190,15 +190,17 @@ def _match_files(pattern: Path) -> tuple[list[Path], str]:
 
 
 def count_array_views(path: Path) -> int:
-    """How many images a SoftRas ``.npy`` holds, from its header.
+    """How many images a SoftRas ``.npy`` or an object of an ``.npz`` holds, from its header.
 
     Raises:
         InputError: it cannot be read, or is not [views, 4, height, width] of uint8
     """
-    return len(_open_array(path))
+    return IMAGES[0] if split_row(path) else len(_open_array(path))
 
 
 def _open_array(path: Path) -> np.ndarray:
+    if split_row(path):
+        return read_row(path, IMAGES)
     array = open_array(path)
     if array.ndim != 4 or array.shape[1] != 4 or array.dtype != np.uint8 or 0 in array.shape:
         raise InputError(
@@ -281,11 +283,11 @@ def _to_8_bit(image: Image.Image) -> Image.Image:
 
 
 def read_photographs(paths: Sequence[Path]) -> Iterator[tuple[str, str, Image.Image | InputError]]:
-    """Give name, file and image of each photograph in turn, from image files or one ``.npy``.
+    """Give name, file and image of each photograph in turn, from image files or one array.
 
     In place of the image of a file that cannot be read stands why.
     """
-    if len(paths) == 1 and paths[0].suffix == ".npy":
+    if len(paths) == 1 and is_array(paths[0]):
         for i, planes in enumerate(_open_array(paths[0])):
             yield f"{i:04d}", str(paths[0]), Image.fromarray(np.moveaxis(planes, 0, -1))
         return
@@ -299,7 +301,7 @@ def read_photographs(paths: Sequence[Path]) -> Iterator[tuple[str, str, Image.Im
 def read_photograph(view: View, least: tuple[int, int] | None = None) -> Image.Image:
     """The photograph that a view was made from, upright, at its full size or at least ``least``."""
     source = Path(view.source)
-    if source.suffix == ".npy":
+    if is_array(source):
         return Image.fromarray(np.moveaxis(_open_array(source)[int(view.view)], 0, -1))
     return read_image(source, least)
 
@@ -347,7 +349,7 @@ def write_views(
     A photograph that cannot be read stays a view, since the place in a turn counts.
 
     Args:
-        paths: image files, or one ``.npy`` as SoftRas has it
+        paths: image files, or one ``.npy`` as SoftRas has it, or an object of an ``.npz``
         size: of the working images, in pixels
         resize: ``pad`` or ``stretch``
         fewest: photographs that must be readable; all of them if not given

@@ -11,8 +11,10 @@ from silmesh.cameras.attempt import FILE, Attempt
 from silmesh.cameras.calibrate import attempt_calibration
 from silmesh.cameras.crop_signs import are_alike, are_tight, find_margins, see_crops
 from silmesh.cameras.frontier import SCALE, Frontier, trace_hulls
+from silmesh.cameras.gauss_newton import Problem, minimise
 from silmesh.cameras.silhouette_coherence import trace
 from silmesh.cameras.turntable import orbit_cameras
+from silmesh.errors import InputError
 from silmesh.scene.agreement import normalise
 from silmesh.scene.conventions import settle
 from silmesh.softras import soft_silhouettes
@@ -185,3 +187,27 @@ def test_cameras_that_agree_are_left_alone(bear):
     assert settled.cameras is cameras
     assert not settled.warnings
     assert "crops" not in settled.figures
+
+
+def test_crops_that_cut_the_object_are_refused(bear):
+    cameras = stand(16)
+    silhouettes = render(crop_to_box(cameras, bear[0], margin=-0.15)[0], bear)
+    attempt = attempt_calibration(silhouettes, cameras.views)
+    assert attempt.cameras is not None  # rays that leave the frames contradict nothing
+    with pytest.raises(InputError, match=r"the crops cut it.* fills more than 0\.\d\d of the sil"):
+        settle(attempt, silhouettes)
+
+
+def test_what_no_residual_depends_on_stays():
+    """As a step does, where the rays leave all frames."""
+    slopes = np.array([[1.0, 0.0], [2.0, 0.0]])
+    problem = Problem(
+        lambda x: slopes @ x - [3, 6],
+        lambda x: slopes,
+        np.ones(2),
+        np.zeros(2),
+        np.zeros(2),
+        np.full(2, -np.inf),
+        np.full(2, np.inf),
+    )
+    np.testing.assert_allclose(minimise(problem, np.array([0.0, 5.0]), 50), [3, 5], atol=1e-3)

@@ -119,6 +119,8 @@ def test_a_part_that_is_too_short_is_named():
     assert propose_by_signs(signs) == []
     (said,) = describe_short(signs)
     assert "rounds of 18 and 3; one of 3 ('0.jpg' to '2.jpg') is too short" in said
+    assert describe_short(signs, {2, 18, 19, 20}) == [said]
+    assert describe_short(signs, {18, 19}) == []
 
 
 def test_silhouettes_tell_two_rounds(two):

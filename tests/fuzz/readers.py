@@ -22,6 +22,7 @@ import trimesh
 from PIL import Image, features
 from scipy.io import savemat
 from shots import NAMES, cameras, views
+from tflite_files import write_tflite
 
 from silmesh.cameras import formats
 from silmesh.errors import InputError
@@ -362,6 +363,15 @@ def _weights(legacy: bool) -> Reader:
     )
 
 
+def _tflite() -> Reader:
+    return Reader(
+        "weights tflite",
+        _made(lambda folder: write_tflite(folder / "w.tflite")),
+        lambda folder: load_weights(str(folder / "w.tflite"), "mobilenet_v2"),
+        share=0.02,  # millions of bytes each, nearly all of them weights
+    )
+
+
 def _checkpoint() -> Reader:
     def make(folder: Path) -> None:
         state = {"fit": {"steps": 3, "u": torch.zeros(5, 3)}, "records": [(0, 0.1)]}
@@ -522,6 +532,7 @@ def readers() -> tuple[Reader, ...]:
         _array(),
         _weights(False),
         _weights(True),
+        _tflite(),
         _checkpoint(),
         Reader("configuration", {"config.yaml": CONFIGURATION}, _read_configuration),
         _table(),

@@ -422,6 +422,75 @@ def test_an_array_of_another_shape(table, array, message):
     assert message in refusal(table, HEADER + line(**cells))
 
 
+def archive(table: Path, images: np.ndarray | None = None, voxels: np.ndarray | None = None):
+    """Write the two files of a class, of four objects if nothing else is given."""
+    images = np.zeros((4, 24, 4, 64, 64), np.uint8) if images is None else images
+    voxels = np.ones((4, 32, 32, 32), np.uint8) if voxels is None else voxels
+    np.savez_compressed(table.parent / "a_test_images.npz", images)
+    np.savez_compressed(table.parent / "a_test_voxels.npz", voxels)
+    return {"masks": "", "silhouettes": "alpha", "turntable": "", "truth": "a_test_voxels.npz"}
+
+
+def test_an_object_of_an_archive(table):
+    dataset = read_one(table, **archive(table), images="a_test_images.npz#3")
+    assert dataset.object == "cup"
+    assert dataset.images == (table.parent / "a_test_images.npz#3",)
+    assert dataset.truth == table.parent / "a_test_voxels.npz#3"
+    assert dataset.turntable == Turntable(2.732, 30, -15)
+
+
+def test_a_row_of_several_objects_is_a_row_of_each(table):
+    cells = archive(table) | {"images": "a_test_images.npz#0-1,3"}
+    table.write_text(HEADER + line(**cells) + line(object="jug"), encoding="utf-8")
+    *cups, jug = read_datasets(table)
+    assert [cup.object for cup in cups] == ["cup_0", "cup_1", "cup_3"]
+    assert [cup.truth.name for cup in cups] == [f"a_test_voxels.npz#{i}" for i in (0, 1, 3)]
+    assert cups[2].where == f"{table}, line 2 (cup_3)"
+    assert jug.object == "jug"
+    table.write_text(HEADER + line(**cells) + line(object="cup_3"), encoding="utf-8")
+    with pytest.raises(InputError, match="line 3: object 'cup_3' is also on line 2"):
+        read_datasets(table)
+
+
+@pytest.mark.parametrize(
+    ("cell", "said"),
+    [
+        ("a_test_images.npz", "holds 4 objects; should say which: 'a_test_images.npz#3' one, "),
+        ("a_test_images.npz#", "holds 4 objects; should say which"),
+        ("a_test_images.npz#0-4", "images: '0-4': 0-4 should rise within 0 to 3"),
+        ("a_test_images.npz#x", "should be numbers and ranges of them, as '1-10,17', not 'x'"),
+        ("b_test_images.npz#0", "b_test_images.npz: is not there"),
+        ("a_test_voxels.npz#0", "should hold [objects, 24, 4, 64, 64] of uint8, not [4, 32, 32, "),
+    ],
+)
+def test_other_objects_of_an_archive(table, cell, said):
+    cells = archive(table)
+    assert said in refusal(table, HEADER + line(**cells | {"images": cell}))
+
+
+@pytest.mark.parametrize(
+    ("images", "voxels", "said"),
+    [
+        (np.zeros((2, 20, 4, 64, 64), np.uint8), None, "not [2, 20, 4, 64, 64] of uint8"),
+        (np.zeros((2, 24, 3, 64, 64), np.uint8), None, "not [2, 24, 3, 64, 64] of uint8"),
+        (np.zeros((2, 24, 4, 64, 64), np.float32), None, "not [2, 24, 4, 64, 64] of float32"),
+        (np.zeros((48, 4, 64, 64), np.uint8), None, "not [48, 4, 64, 64] of uint8"),
+        (np.zeros(3, np.uint8), None, "not [3] of uint8"),
+        (np.array([{}], dtype=object), None, "should hold numbers row by row"),
+        (None, np.ones((4, 64, 64, 64), bool), "should hold [objects, 32, 32, 32] of 0 and 1, not"),
+        (None, np.ones((3, 32, 32, 32), bool), "a_test_voxels.npz: holds 3 objects, but "),
+    ],
+)
+def test_an_archive_of_another_shape(table, images, voxels, said):
+    cells = archive(table, images, voxels)
+    assert said in refusal(table, HEADER + line(**cells, images="a_test_images.npz#0"))
+
+
+def test_an_archive_takes_no_masks(table):
+    cells = archive(table) | {"masks": "masks", "images": "a_test_images.npz#0"}
+    assert "has its masks in its alpha channel" in refusal(table, HEADER + line(**cells))
+
+
 @pytest.mark.parametrize("size", [0, 5, 40, -1])
 def test_a_truncated_array(table, size):
     file = table.parent / "source.npy"

@@ -83,6 +83,21 @@ def test_weights_of_other_contents_and_of_unknown_names(refused):
     assert "DEFAULT" in said
 
 
+def test_mobilenet_v2_takes_files_alone(refused):
+    Path("own.tflite").write_bytes(b"\x1c\0\0\0TFL3")
+    network = "{silhouettes: deeplab, deeplab: {model: mobilenet_v2, weights: %s}}"
+    assert refused(network % "own.tflite") == ""
+    said = refused(network % "DEFAULT")
+    assert said.startswith("my.yaml: deeplab.weights: 'DEFAULT': 'mobilenet_v2' has none")
+    assert "should be the path of its TFLite file" in said
+    rows = ROW + ROW.replace("cup", "jug")
+    train = "train: {holdout: [cup], backgrounds: photos, model: mobilenet_v2, weights: %s}"
+    assert refused(more=train % "own.tflite", row=rows) == ""
+    assert "train.weights: 'none': 'mobilenet_v2' has none" in refused(
+        more=train % "none", row=rows
+    )
+
+
 def test_backgrounds_that_are_not_there(refused):
     rows = ROW + ROW.replace("cup", "jug")
     said = refused(more="train: {holdout: [cup], backgrounds: none/*.jpg}", row=rows)

@@ -251,3 +251,12 @@ def test_a_small_file_is_its_content(tmp_path):
     assert read_digest(other, file) != before
     other.unlink()
     assert read_digest(file, other) != before
+
+
+def test_an_object_of_an_archive_changes_with_its_file(tmp_path):
+    file, row = tmp_path / "a.npz", tmp_path / "a.npz#3"
+    file.write_bytes(b"one")
+    before = read_digest(row)
+    assert read_digest(row) == before == read_digest(file)
+    file.write_bytes(b"two")
+    assert read_digest(row) != before

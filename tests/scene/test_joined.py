@@ -1,5 +1,7 @@
 """Sets are joined by their silhouettes, or refused with what was measured."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -46,6 +48,9 @@ def test_sets_of_two_bodies_are_refused():
     attempt = join(BODY, ((ROD, (0, 0, 0)),))
     assert attempt.cameras is None
     assert "do not join: at best, of all rotations" in attempt.refusal
+    filled, least, *alone = map(float, re.findall(r"0\.\d{3}", attempt.refusal))
+    assert filled < least
+    assert least == pytest.approx(1 - 2 * (1 - min(alone)) - 0.02, abs=2e-3)
 
 
 @pytest.mark.slow

@@ -10,11 +10,13 @@ from silmesh.training.depthwise import AtrousDepthwise, hasten
 
 
 @pytest.mark.parametrize("extent", [(6, 6), (1, 1), (2, 5), (9, 12)])
-@pytest.mark.parametrize(("kernel", "rate"), [(5, 2), (3, 1), (3, 4)])
-def test_it_is_torchs_convolution(extent, kernel, rate, monkeypatch):
+@pytest.mark.parametrize(
+    ("kernel", "rate", "bias"), [(5, 2, False), (3, 1, False), (3, 4, False), (3, 4, True)]
+)
+def test_it_is_torchs_convolution(extent, kernel, rate, bias, monkeypatch):
     monkeypatch.setattr(depthwise, "AT_ONCE", 100)  # two photographs of the smaller maps
     torch.manual_seed(0)
-    shape = {"padding": rate * (kernel // 2), "dilation": rate, "groups": 4, "bias": False}
+    shape = {"padding": rate * (kernel // 2), "dilation": rate, "groups": 4, "bias": bias}
     plain, fast = (kind(4, 4, kernel, **shape).double() for kind in (nn.Conv2d, AtrousDepthwise))
     fast.load_state_dict(plain.state_dict())
     ours = torch.randn(5, 4, *extent, dtype=torch.float64, requires_grad=True)
@@ -24,7 +26,8 @@ def test_it_is_torchs_convolution(extent, kernel, rate, monkeypatch):
     (fast(ours) * weights).sum().backward()
     (plain(theirs) * weights).sum().backward()
     torch.testing.assert_close(ours.grad, theirs.grad)
-    torch.testing.assert_close(fast.weight.grad, plain.weight.grad)
+    for ours, theirs in zip(fast.parameters(), plain.parameters(), strict=True):
+        torch.testing.assert_close(ours.grad, theirs.grad)
 
 
 def test_a_kernels_gradient_by_hand():

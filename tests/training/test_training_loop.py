@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+from tflite_files import write_tflite
 
 from silmesh.settings.train import Train
 from silmesh.silhouettes.network import load_weights, write_weights
@@ -162,6 +163,24 @@ def test_training_begins_with_weights_of_other_classes(tmp_path):
     network = Training(TINY, start).network
     assert network.state_dict()["classifier.4.weight"].shape[0] == 2
     assert (network.state_dict()["classifier.2.bias"] == 7).all()
+
+
+def test_training_begins_with_a_tflite_file(tmp_path):
+    """Its own colours go with it, all but the last layer is kept, and a run takes what it makes."""
+    write_tflite(tmp_path / "start.tflite", classes=21)
+    start = load_weights(str(tmp_path / "start.tflite"), "mobilenet_v2")
+    settings = TINY.model_copy(update={"model": "mobilenet_v2", "epochs": 1, "learning_rate": 1e-6})
+    training = Training(settings, start)
+    train(training, material(), material(count=1))
+    write_weights(tmp_path / "learnt.pt", training.weights)
+    learnt = load_weights(str(tmp_path / "learnt.pt"), "mobilenet_v2")
+    assert (learnt.classes, learnt.size) == (("background", "object"), 64)
+    assert (learnt.mean, learnt.std) == (start.mean, start.std)
+    assert learnt.state["classifier.weight"].shape == (2, 256, 1, 1)
+    changes = {k: (v - start.state[k]).abs().max() for k, v in learnt.state.items()
+               if not k.startswith("classifier")}  # fmt: skip
+    assert 0 < max(changes.values()) < 1e-4
+    learnt.build()(torch.zeros(1, 3, 64, 48))
 
 
 @pytest.mark.slow

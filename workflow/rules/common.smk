@@ -3,6 +3,7 @@
 import json
 
 from silmesh.files import replacing
+from silmesh.reading import split_row
 from silmesh.report.parts import PARTS
 
 REPORT_PLAN = "results/report/plan.json"
@@ -297,7 +298,12 @@ def truth_arguments(wildcards, input):
     if not input.truth:
         return ""
     run = plan.run(wildcards.object, wildcards.variant)
-    return f"--truth {quote(input.truth)}{' --align' if run.estimates_cameras else ''}"
+    voxels = run.dataset.truth if split_row(run.dataset.truth) else None
+    return (
+        f"--truth {quote(input.truth)}"
+        f"{f' --voxels {quote(str(voxels))}' if voxels else ''}"
+        f"{' --align' if run.estimates_cameras else ''}"
+    )
 
 
 def training_files():

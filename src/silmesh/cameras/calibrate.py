@@ -151,6 +151,7 @@ class Calibration:
         rounds: what was found of each round, if there are several
         rounds_because: what tells them apart
         crops: of each view with an outline, if the views were cropped one by one
+        cut: a sentence that such crops seem to cut the object, if so
     """
 
     cameras: Cameras
@@ -166,6 +167,7 @@ class Calibration:
     rounds: tuple[Round, ...] = ()
     rounds_because: str = ""
     crops: dict[str, Crop] = field(default_factory=dict)
+    cut: str = ""
 
 
 def calibrate(
@@ -217,18 +219,19 @@ def calibrate(
     split = find_given(rounds, silhouettes, signs()) if len(rounds) > 1 else None
     far = rounds[0].distance if split else distance
     turn = _trace(silhouettes, views, shown, frames, aspect, far)
-    fewest = max(SHARE * (len(shown) + len(full)), FEWEST_AGREEING)
+    given = Given(len(views), step, elevation, above_table)
     crops = Crops(silhouettes, frames, scales)
+    fewest = max(SHARE * (len(shown) + len(full)), FEWEST_AGREEING)
+    asked = Asked(turn, given, silhouettes, signs, crops, fewest)
     if split:
-        found = fit_split(turn, split, rounds, silhouettes, above_table, fewest, True, progress)
+        found = fit_split(asked, split, rounds, True, progress)
     else:
-        given = Given(len(views), step, elevation, above_table)
-        asked = Asked(turn, given, silhouettes, signs, crops, fewest)
         found = fit_any(asked, guess, progress)
     progress(1)
     repeated = _find_repeated(silhouettes[shown], [views[i] for i in shown])
     if found.is_of_all:
-        _refuse_incoherent(found, [*repeated, *crops.say_cut(turn), *crops.say_sets()], signs)
+        sets = crops.say_sets() if guess else []  # a guessed set is told of its whole
+        _refuse_incoherent(found, [*repeated, *crops.say_cut(turn), *sets], signs)
     return _judge(found, turn, views, full, repeated, crops)
 
 
@@ -271,7 +274,8 @@ def _judge(
     if not (found.crops and found.crops.cropped.whole.all()):
         said += _find_cut(turn, named)
     pixels = {} if verdict is None else dict(zip(turn.index, verdict.pixels, strict=True))
-    return _report(found, views, pixels, disagreeing, said)
+    cut = crops.say_along_edges(turn) if crops.told else []
+    return replace(_report(found, views, pixels, disagreeing, said), cut="".join(cut))
 
 
 def calibrate_views(
@@ -321,6 +325,8 @@ def attempt_calibration(
         figures["rounds"] = [asdict(one) for one in found.rounds]
     if found.crops:
         figures["crops"] = {view: asdict(crop) for view, crop in found.crops.items()}
+    if found.cut:
+        figures["cut"] = found.cut
     return Attempt("calibrate", found.cameras, warnings=found.warnings, figures=figures)
 
 
@@ -445,7 +451,7 @@ def _report(
     """What was found; ``pixels`` says by how much views disagree, if that had to be asked."""
     fit, given = found.fit, found.given
     turn, best, misses, count = fit.turn, fit.best, fit.misses, len(views)
-    *camera, own = turn.cameras_at(best.x, count)
+    cameras, own = _place_cameras(found, views)
     alike = distance_between(turn.outlines) < ALIKE
     free = free_parameters(turn, given.known, offsets=bool(own.any()))
     crops: dict[str, Crop] = {}
@@ -458,17 +464,7 @@ def _report(
     if crops:  # the camera before the crops looks at the axis
         del estimates["axis"]
     rounds = _describe_rounds(turn, best.x, sd, given.known, views)
-    view_rms = np.zeros(count)
-    view_rms[list(pixels)] = list(pixels.values())
-    view_rms[turn.index] = [
-        root_mean_square(r[k]) if k.any() else 0.0
-        for r, k in zip(misses.pixels, turn.outlines.known, strict=True)
-    ]
-    K, R, t = map(torch.as_tensor, camera)
-    K = K.repeat(count, 1, 1)
-    if found.crops:
-        K = torch.as_tensor(found.crops.maps_of(count)) @ K
-    cameras = Cameras(tuple(views), torch.full((count, 2), turn.size), K, R, t)
+    view_rms = _measure_views(turn, misses, pixels, count)
     certain = not alike and all(x[STEP] * best.x[STEP] > 0 for x in fit.rivals)
     because = found.split.because if found.split else ""
     warnings = [
@@ -484,6 +480,38 @@ def _report(
         cameras, estimates, turn.row, certain, fit.mirror, fit.rms, view_rms, disagreeing, own,
         tuple(warnings), rounds, because, crops,
     )  # fmt: skip
+
+
+def _place_cameras(found: Found, views: Sequence[str]) -> tuple[Cameras, np.ndarray]:
+    """The cameras of all views, crops in their K, and degrees by which each is off even steps.
+
+    Views that had no say stand where the even steps put them.
+    """
+    turn, count = found.fit.turn, len(views)
+    *camera, own = turn.cameras_at(found.fit.best.x, count)
+    K, R, t = map(torch.as_tensor, camera)
+    K = K.repeat(count, 1, 1)
+    if found.crops:
+        K = torch.as_tensor(found.crops.maps_of(count)) @ K
+    return Cameras(tuple(views), torch.full((count, 2), turn.size), K, R, t), own
+
+
+def _measure_views(
+    turn: Turntable, misses: Misses, pixels: dict[int, float], count: int
+) -> np.ndarray:
+    """Root mean square residual of each view: [count] pixels; 0 where nothing is known.
+
+    Args:
+        misses: of the views that were fitted
+        pixels: of others, by their positions
+    """
+    view_rms = np.zeros(count)
+    view_rms[list(pixels)] = list(pixels.values())
+    view_rms[turn.index] = [
+        root_mean_square(r[k]) if k.any() else 0.0
+        for r, k in zip(misses.pixels, turn.outlines.known, strict=True)
+    ]
+    return view_rms
 
 
 def _find_deviations(

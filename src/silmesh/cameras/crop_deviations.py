@@ -26,9 +26,12 @@ def find_deviations(
     count.
 
     Args:
+        x: the parameters at the fit, as ``Cropped`` has them
         agrees: [views] bool, whose residuals count
         noise: of these, in pixels
-        known: parameters of the turntable that were given
+        known: positions of the turntable's parameters that were given
+    Returns:
+        in the units of x: of the crops pixels, pixels, and the logarithm of the scale
     """
     own, crops = cropped.split(x)
     shared = [i for i in range(cropped.turn.shared) if i not in (*known, AXIS)]
@@ -51,7 +54,7 @@ def find_deviations(
 
 
 def _weigh(cropped: Cropped, x: np.ndarray, agrees: np.ndarray, noise: float) -> np.ndarray:
-    """What the outlines say of the parameters: the inverse of a covariance."""
+    """The inverse of the parameters' covariance by the outlines alone: [parameters, parameters]."""
     part = cropped.select(np.arange(len(agrees)), 2)
     slopes = part.slopes(x, part.misses(x))
     slopes[~agrees] = 0

@@ -30,10 +30,7 @@ from silmesh.cameras.turntable_fit import (
     TurntableFit,
     root_mean_square,
 )
-from silmesh.cameras.turntable_residuals import (
-    NOISE,
-    Turntable,
-)
+from silmesh.cameras.turntable_residuals import NOISE, Turntable
 from silmesh.progress import Share, untold, within
 
 FINE_STEPS = 15  # of a fit of all views
@@ -135,11 +132,14 @@ def fit_crops(
     x = cropped.fit(x, shared, FINE_STEPS, frontier=False)
     progress(FITTED)
     x, pixels, agrees = _fit_agreeing(cropped, x, shared)
-    agreeing = np.flatnonzero(agrees)
-    if len(agreeing) >= FEWEST_AGREEING and _are_uneven(*_select(cropped, x, agreeing)):
+    if agrees.sum() < FEWEST_AGREEING:
+        return None
+    if _are_uneven(*_select(cropped, x, np.flatnonzero(agrees))):
         angles = turn.shared + np.arange(len(agrees))
         x = cropped.fit(x, np.r_[shared, angles], FINE_STEPS, frontier=False)
         x, pixels, agrees = _fit_agreeing(cropped, x, shared)
+        if agrees.sum() < FEWEST_AGREEING:
+            return None
     progress(1)
     return CropFit(cropped, x, few.rivals, few.mirror, pixels, agrees)
 
@@ -159,15 +159,10 @@ def _are_uneven(cropped: Cropped, x: np.ndarray) -> bool:
     views, count = len(cropped.hulls), cropped.turn.outlines.known.shape[1]
     if root_mean_square(_measure(cropped, x)) <= NOISE:
         return False
-    angles, fold = (
-        cropped.turn.shared + np.arange(views),
-        np.arange(count) * FOLDS // count % 2 == 0,
-    )
-    gains = []
+    none, angles = np.zeros(0), cropped.turn.shared + np.arange(views)
+    fold, gains = np.arange(count) * FOLDS // count % 2 == 0, []
     for part, held_out in permutations((cropped.only(fold), cropped.only(~fold))):
-        even, uneven = (
-            part.fit(x, free, OFFSET_STEPS, frontier=False) for free in (np.zeros(0), angles)
-        )
+        even, uneven = (part.fit(x, free, OFFSET_STEPS, frontier=False) for free in (none, angles))
         gains.append(held_out.view_costs(even) - held_out.view_costs(uneven))
     gain = np.mean(gains, axis=0)
     return bool(gain.mean() > BETTER * gain.std(ddof=1) / math.sqrt(views))

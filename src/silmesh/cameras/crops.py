@@ -17,20 +17,10 @@ import numpy as np
 from silmesh.cameras.crop_gauge import aim
 from silmesh.cameras.crop_squares import CropSquares
 from silmesh.cameras.frontier import NUDGE as CROP_NUDGE
-from silmesh.cameras.frontier import (
-    SCALE,
-    SHIFT_X,
-    SHIFT_Y,
-    Frontier,
-    to_maps,
-    trace_hulls,
-)
+from silmesh.cameras.frontier import SCALE, SHIFT_X, SHIFT_Y, Frontier, to_maps, trace_hulls
 from silmesh.cameras.gauss_newton import Problem, minimise
 from silmesh.cameras.silhouette_coherence import Misses, measure_at
-from silmesh.cameras.turntable_residuals import (
-    ELEVATION,
-    Turntable,
-)
+from silmesh.cameras.turntable_residuals import ELEVATION, Turntable
 
 OWN = 3  # parameters of a view's crop
 # Standard deviations of the priors: of shifts, in sizes of the image, and of a scale's logarithm.

@@ -151,17 +151,13 @@ def _choose_way(
     some = np.unique(np.linspace(0, len(cameras), COARSE_VIEWS, endpoint=False).astype(int))
     some = some if len(cameras) > COARSE_VIEWS else np.arange(len(cameras))
     thin = cameras.select(some), middle, outlines.select(some, SAMPLES // COARSE_SAMPLES)
-    tried = {
-        way: _find_cost(*_fit(*thin, tight, *way))
-        for way in [(False, 1.0), *((True, mean) for mean in MEAN_SCALES)]
-    }
+    tried = {}
+    for way in [(False, 1.0), *((True, mean) for mean in MEAN_SCALES)]:
+        cropped, x = _fit(*thin, tight, *way)
+        tried[way] = cropped.cost(x)
     best = min(tried, key=tried.__getitem__)
     same = tried[False, 1.0] <= WELL * tried[best] + NOISE**2
     return (False, 1.0) if same else best
-
-
-def _find_cost(cropped: Cropped, x: np.ndarray) -> float:
-    return cropped.cost(x)
 
 
 def _fit(

@@ -26,8 +26,9 @@ from silmesh.cameras.stages import DATABASE, Report
 from silmesh.errors import InputError
 from silmesh.naming import name_views
 from silmesh.progress import Share, untold
+from silmesh.reading import is_array
 from silmesh.settings.cameras import Features
-from silmesh.views import View, open_image, read_image
+from silmesh.views import View, open_image, read_image, read_photographs
 
 LENS = "SIMPLE_RADIAL"  # focal length, principal point, one radial coefficient
 FEWEST_PHOTOGRAPHS = 3
@@ -103,11 +104,12 @@ def _follow(
 
 
 def _refuse_array(paths: Sequence[Path]) -> None:
-    if paths[0].suffix == ".npy":
-        height, width = np.load(paths[0], mmap_mode="r").shape[2:]
+    if is_array(paths[0]):
+        _, _, image = next(read_photographs(paths))
         raise InputError(
-            f"{paths[0]}: an array of images ({width}x{height} pixels); cameras 'colmap' needs the "
-            f"photographs as files, of at least {LEAST_SIDE} pixels{TRY_CALIBRATE}"
+            f"{paths[0]}: an array of images ({image.width}x{image.height} pixels); "
+            f"cameras 'colmap' needs the photographs as files, of at least "
+            f"{LEAST_SIDE} pixels{TRY_CALIBRATE}"
         )
 
 

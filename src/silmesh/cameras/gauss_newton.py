@@ -74,8 +74,10 @@ def minimise(problem: Problem, start: np.ndarray, steps: int) -> np.ndarray:
         weighted = slopes * weight[:, None]
         square = slopes.T @ weighted + np.diag(problem.precision)
         gradient = weighted.T @ residuals + problem.precision * (x - problem.mean)
+        scale = np.diag(square)
+        scale = np.diag(np.where(scale > 0, scale, 1))  # 0 of what no residual depends on: it stays
         while damping < MOST:
-            step = np.linalg.solve(square + damping * np.diag(np.diag(square)), gradient)
+            step = np.linalg.solve(square + damping * scale, gradient)
             moved = np.clip(x - step, problem.low, problem.high)
             at = problem.residuals(moved)
             if (reached := problem.cost(moved, at)) < cost:

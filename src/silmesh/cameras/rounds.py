@@ -6,7 +6,7 @@ Nothing here knows of cameras: what is proposed is tried where cameras are found
 
 import os
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 from itertools import pairwise
@@ -194,11 +194,16 @@ def propose_by_signs(signs: Signs) -> list[Split]:
     return _drop_same([_split(parts, because) for because, parts in told])
 
 
-def describe_short(signs: Signs) -> list[str]:
-    """A sentence that names a part of the photographs that is too short for a round, if one is."""
+def describe_short(signs: Signs, among: Collection[int] | None = None) -> list[str]:
+    """A sentence that names a part of the photographs that is too short for a round, if one is.
+
+    Args:
+        among: positions, of which all of the part have to be; any if not given
+    """
     for because, parts in _read_parts(signs):
         fewest = min(parts, key=len)
-        if 1 < len(parts) <= MOST and len(fewest) < LEAST <= max(map(len, parts)):
+        short = 1 < len(parts) <= MOST and len(fewest) < LEAST <= max(map(len, parts))
+        if short and (among is None or set(fewest) <= set(among)):
             first, last = signs.files[fewest[0]].name, signs.files[fewest[-1]].name
             return [
                 f"{because} the photographs fall in rounds of {_list(map(len, parts))}; one of "

@@ -81,13 +81,17 @@ class Crops:
 
     def say_cut(self, turn: Turntable) -> list[str]:
         """A sentence that says so, or that what seems to be tight may be cut, if that may be."""
-        silhouettes, frames, _ = self.of(turn.index)
         if self.are_cut(turn):
             return [
                 f"the frame cuts the object in {turn.outlines.cut.sum()} of {len(turn.index)} "
                 f"views: if these were cropped one by one, at least {WHOLE:.0%} have to show the "
                 "object whole for the crops to be found, and all should, with a small margin"
             ]
+        return self.say_along_edges(turn)
+
+    def say_along_edges(self, turn: Turntable) -> list[str]:
+        """A sentence that crops which seem to be tight about the object may cut it, if so."""
+        silhouettes, frames, _ = self.of(turn.index)
         contact = float(np.median(measure_contact(silhouettes, frames)))
         if not are_tight(silhouettes, frames) or contact <= STRAIGHT:
             return []

@@ -94,25 +94,23 @@ class Asked:
 
 
 def fit_split(
-    turn: Turntable,
-    split: Split,
-    known: Sequence[Known],
-    silhouettes: np.ndarray,
-    above_table: bool,
-    fewest: float,
-    sure: bool,
-    progress: Share,
+    asked: Asked, split: Split, known: Sequence[Known], sure: bool, progress: Share
 ) -> Found | None:
-    """Fit the rounds of a split; what is known of each comes in their order.
+    """Fit the rounds of a split.
 
-    None if they are not sure and no round is coherent.
+    Args:
+        known: what is known of each round, in their order, in place of what ``asked`` has
+        sure: whether the photographs were taken in these rounds; else one of them has to be
+            coherent by itself
+    Returns:
+        None if they are not sure and no round is coherent
     """
-    each = [
-        Given(len(views) - repeats_first(silhouettes[views]), one.step, one.elevation, above_table)
-        for views, one in zip(split.rounds, known, strict=True)
-    ]
-    given = replace(each[0], later=tuple(each[1:]))
-    found = fit_rounds(turn.in_rounds(split.rounds), given, fewest, sure, progress)
+    each = []
+    for views, one in zip(split.rounds, known, strict=True):
+        count = len(views) - repeats_first(asked.silhouettes[views])
+        each.append(Given(count, one.step, one.elevation, asked.given.above_table))
+    given, turn = replace(each[0], later=tuple(each[1:])), asked.turn.in_rounds(split.rounds)
+    found = fit_rounds(turn, given, asked.fewest, sure, progress)
     return Found(*found, given, split) if found else None
 
 
@@ -138,13 +136,13 @@ class _Rounds:
     """Several rounds, crops, or a turn whose first view comes again, in place of one round."""
 
     def __init__(self, asked: Asked):
-        self.turn, self.given, self.silhouettes = asked.turn, asked.given, asked.silhouettes
-        self.signs, self.crops, self.fewest = asked.signs, asked.crops, asked.fewest
+        self.asked, self.turn, self.given = asked, asked.turn, asked.given
+        self.silhouettes, self.crops = asked.silhouettes, asked.crops
         self.tried: list[Found] = []
 
     @cached_property
     def _told(self) -> list[Split]:
-        return propose(self.silhouettes, self.signs())
+        return propose(self.silhouettes, self.asked.signs())
 
     def try_clear(self, progress: Share) -> tuple[TurntableFit, Consensus | None] | None:
         """A fit that explains most views, if there is one, of what is told clearly."""
@@ -190,7 +188,7 @@ class _Rounds:
         evenly = divide_evenly(self.silhouettes)
         splits = [*divide_by_agreement(agrees), *turns, *evenly][:SPLITS]
         good = self._try(splits, within(progress, 0, HALF))
-        if not good and not self.crops.told and one.explained < self.fewest:
+        if not good and not self.crops.told and one.explained < self.asked.fewest:
             self._try_crops(within(progress, HALF, 1))
 
     def _try_crops(self, progress: Share) -> Found | None:
@@ -208,13 +206,13 @@ class _Rounds:
     def _try(
         self, splits: Sequence[Split], progress: Share
     ) -> tuple[TurntableFit, Consensus | None] | None:
+        """The first split into rounds that explains most views; what else fits is kept as well."""
         for number, split in enumerate(splits):
             told = within(progress, number / len(splits), (number + 1) / len(splits))
             if not all(is_in_order(self.silhouettes[views]) for views in split.rounds):
                 continue
             same = [Known(None, None, self.given.step) for _ in split.rounds]
-            above, fewest = self.given.above_table, self.fewest
-            found = fit_split(self.turn, split, same, self.silhouettes, above, fewest, False, told)
+            found = fit_split(self.asked, split, same, False, told)
             if found and _moves(found.fit):
                 self.tried.append(found)
                 if self._is_good(found):
@@ -222,6 +220,7 @@ class _Rounds:
         return None
 
     def _is_good(self, found: Found) -> bool:
+        """Whether it explains most views, and their outlines agree with it all but exactly."""
         coherent = found.fit.rms <= SUSPECT * self.turn.size / 256
         return coherent and found.explained >= CLEARLY * len(self.turn.index)
 

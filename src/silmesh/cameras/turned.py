@@ -64,8 +64,8 @@ class Turning:
 
     Attributes:
         Q: [3, 3], a rotation
-        s: scale
-        c: [3]
+        s: scale, of the first world's units to the second's
+        c: [3], in units of the first world
         squares: [views], mean square residual of each view's rays, first those of the first set
     """
 

@@ -155,18 +155,29 @@ def fit_most(
         np.random.default_rng(0),
         within(progress, reached, AGREED),
     )
+    left = within(progress, AGREED, 1)
     if verdict.agrees.sum() >= fewest and not verdict.agrees.all():
-        agreeing = np.flatnonzero(verdict.agrees)
-        part = turn.alone(agreeing)
-        left = within(progress, AGREED, 1)
-        apart = solve(part, search(part, given, within(left, 0, SEARCHED)), given, left)
-        allowed = max(allowed, ROUGH)
-        if apart.rms <= (min(allowed, BETTER_FIT * fit.rms) if fit else allowed):
-            whole = part.of(turn.outlines, turn.index)
-            strict = judge(whole, apart.best.x, agreeing, allowed, trusting=True)
-            if strict.agrees.sum() >= fewest:
-                return apart, strict
-    return fit or solve(turn, starts, given, within(progress, AGREED, 1)), verdict
+        most = max(allowed, ROUGH)
+        better = min(most, BETTER_FIT * fit.rms) if fit else most
+        apart, strict = _fit_agreeing(turn, verdict, given, most, left)
+        if apart.rms <= better and strict.agrees.sum() >= fewest:
+            return apart, strict
+    return fit or solve(turn, starts, given, left), verdict
+
+
+def _fit_agreeing(
+    turn: Turntable, verdict: Consensus, given: Given, allowed: float, progress: Share
+) -> tuple[TurntableFit, Consensus]:
+    """Fit the views that agree alone, and judge all by that.
+
+    Args:
+        allowed: pixels, by which a view that agrees may miss the others
+    """
+    agreeing = np.flatnonzero(verdict.agrees)
+    part = turn.alone(agreeing)
+    apart = solve(part, search(part, given, within(progress, 0, SEARCHED)), given, progress)
+    whole = part.of(turn.outlines, turn.index)
+    return apart, judge(whole, apart.best.x, agreeing, allowed, trusting=True)
 
 
 def _is_lost(thin: Turntable, x: np.ndarray) -> bool:

@@ -260,15 +260,26 @@ def make(photos: tuple[Path, ...], output: Path, **options: Any) -> None:
     "folder", type=click.Path(path_type=Path, exists=True, file_okay=False, writable=True)
 )
 @click.option("--force", is_flag=True, help="Overwrite what is there.")
-def init(folder: Path, force: bool) -> None:
+@click.option("--aloi", "layout", flag_value="aloi", help="FOLDER has ALOI's archives, unpacked.")
+@click.option("--coil", "layout", flag_value="coil", help="FOLDER has COIL-20 or COIL-100.")
+@click.option(
+    "--shapenet",
+    "layout",
+    flag_value="shapenet",
+    help="FOLDER has <class>_<split>_images.npz, and _voxels.npz.",
+)
+@click.option("--objects", metavar="LIST", help="Of these: numbers, as 1-10,17.")
+def init(folder: Path, force: bool, layout: str | None, objects: str | None) -> None:
     """Write a table and a configuration for a FOLDER of folders, each of one object's photographs.
+
+    Or for a published data set of many objects.
 
     They can be edited, and are run by `snakemake`.
     """
     from silmesh.cli.init import write_project
 
     try:
-        for line in write_project(folder, force):
+        for line in write_project(folder, force, layout, objects):
             click.echo(line)
     except InputError as error:
         _end(str(error), WRONG)

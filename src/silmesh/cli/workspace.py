@@ -24,12 +24,11 @@ from silmesh.errors import InputError
 from silmesh.files import PART, replacing, try_inside
 from silmesh.intake.photographs import is_video
 from silmesh.naming import SUFFIXES, name_views, natural_key
-from silmesh.planning.datasets import COLUMNS, RESERVED, UNPRINTABLE
+from silmesh.planning.datasets import COLUMNS, UNPRINTABLE, to_name
 from silmesh.planning.lock import COMMAND, hold
 from silmesh.planning.places import WRITTEN, try_places
 from silmesh.planning.plan import Plan
 from silmesh.planning.provenance import SOURCE
-from silmesh.settings.section import NAME
 from silmesh.silhouettes.weights import cache_folder
 
 TABLE, CONFIG = "datasets.tsv", "config.yaml"
@@ -46,12 +45,6 @@ def find_snakefile() -> Path:
     """The workflow's Snakefile: in the installed package, or in the project's folder."""
     installed = SOURCE / "silmesh" / "workflow" / "Snakefile"
     return installed if installed.is_file() else SOURCE.parent / "Snakefile"
-
-
-def to_name(folder: str) -> str:
-    """An object's name from a folder's."""
-    name = re.sub(r"[^A-Za-z0-9_-]+", "_", folder).strip("_-")[:80]
-    return name if re.fullmatch(NAME, name) and name != RESERVED else "object"
 
 
 def to_table(rows: Sequence[Mapping[str, str]]) -> str:

@@ -5,6 +5,8 @@ import numpy as np
 import trimesh
 from scipy.spatial import cKDTree
 
+from silmesh.geometry.voxels import voxel_iou
+
 SAMPLES = 50_000  # points that are sampled on each surface
 VOLUME_SAMPLES = 100_000  # points that are sampled in the bounding box of both bodies
 F_SCORE_DISTANCE = 0.01  # of the diagonal of the truth's bounding box: a point this near counts
@@ -13,16 +15,20 @@ F_SCORE_DISTANCE = 0.01  # of the diagonal of the truth's bounding box: a point 
 UNDECIDED = 0.1
 
 
-def compare_to_truth(mesh: trimesh.Trimesh, truth: trimesh.Trimesh) -> dict[str, float | None]:
+def compare_to_truth(
+    mesh: trimesh.Trimesh, truth: trimesh.Trimesh, voxels: np.ndarray | None = None
+) -> dict[str, float | None]:
     """Compare a mesh with the true one, in the same frame.
 
+    Args:
+        voxels: [32, 32, 32] bool, that the truth was made of, if it was
     Returns:
         ``chamfer``: mean distance from a point of one surface to the nearest sampled point of the
         other, averaged over both directions, in units of the frame; ``f_score``: harmonic mean of
         the shares of points within 1 % of the truth's diagonal; ``volume_iou``: of the two solids,
         by points in the box about both, None if one is so open that it has no inside;
         ``normal_consistency``: mean absolute cosine between the normals at nearest points, over
-        both directions
+        both directions; with voxels ``voxel_iou``, as ``silmesh.geometry.voxels`` says
     """
     points, normals = zip(*(_sample_surface(m) for m in (mesh, truth)), strict=True)
     near = F_SCORE_DISTANCE * float(np.linalg.norm(truth.extents))
@@ -37,6 +43,7 @@ def compare_to_truth(mesh: trimesh.Trimesh, truth: trimesh.Trimesh) -> dict[str,
         "f_score": float(2 * precision * recall / max(precision + recall, 1e-12)),
         "volume_iou": _volume_iou(mesh, truth),
         "normal_consistency": float(np.mean(cosines)),
+        **({} if voxels is None else {"voxel_iou": voxel_iou(mesh, voxels)}),
     }
 
 

@@ -28,6 +28,7 @@ def evaluate(
     align: bool = False,
     relief: Mapping[str, Any] | None = None,
     texture: Mapping[str, Any] | None = None,
+    voxels: np.ndarray | None = None,
 ) -> dict[str, Any]:
     """Measure a fitted mesh: IoU with its silhouettes, and in 3D where a truth is given.
 
@@ -45,6 +46,7 @@ def evaluate(
         align: register the mesh with the truth first
         relief: ``relief.json``, where photographs were to have a say in the mesh
         texture: ``texture.json`` of the texture
+        voxels: that the truth was made of, as ``silmesh.geometry.voxels`` has them
     Returns:
         the metrics, for JSON: ``docs/metrics.md`` says what each is
     """
@@ -64,8 +66,11 @@ def evaluate(
         "silhouettes": silhouettes,
     }
     if truth is not None:
-        truth = _mirror(truth) if scene.notes.get("mirrored") else truth
-        metrics |= _compare(mesh, truth, align)
+        mirrored = scene.notes.get("mirrored")
+        truth = _mirror(truth) if mirrored else truth
+        if voxels is not None and mirrored:
+            voxels = voxels[:, :, ::-1]
+        metrics |= _compare(mesh, truth, align, voxels)
     metrics["cameras"] = _describe_cameras(scene.notes)
     if initial is not None:
         metrics["first"] = dict(initial)
@@ -126,7 +131,10 @@ def _mirror(truth: trimesh.Trimesh) -> trimesh.Trimesh:
 
 
 def _compare(
-    mesh: trimesh.Trimesh, truth: trimesh.Trimesh, align: bool
+    mesh: trimesh.Trimesh,
+    truth: trimesh.Trimesh,
+    align: bool,
+    voxels: np.ndarray | None,
 ) -> dict[str, bool | float | dict | None]:
     """Compare a mesh to the truth, registered with it first if ``align`` is set."""
     # What only a truth needs: libraries that take half a second of a run without one.
@@ -134,12 +142,12 @@ def _compare(
     from silmesh.evaluation.registration import register
 
     if not align:
-        return compare_to_truth(mesh, truth)
+        return compare_to_truth(mesh, truth, voxels)
     found = register(mesh, truth)
     moved = trimesh.Trimesh(found.apply(mesh.vertices), mesh.faces, process=False)
     placement = {"scale": found.scale, "R": found.R.tolist(), "t": found.t.tolist()}
     registered = {"aligned": True, "scale": found.scale, "placement": placement}
-    return registered | compare_to_truth(moved, truth)
+    return registered | compare_to_truth(moved, truth, voxels)
 
 
 def summarise_iou(values: np.ndarray, held_out: Sequence[int]) -> dict[str, float | None]:

@@ -1,4 +1,7 @@
-"""The dataset list: a tab-separated table with one row an object, checked before any work."""
+"""The dataset list: a tab-separated table with one row an object, checked before any work.
+
+A row whose images are several objects of an ``.npz`` stands for a row of each.
+"""
 
 import csv
 import difflib
@@ -20,9 +23,18 @@ from silmesh.naming import (
     tell_spare,
 )
 from silmesh.own_code import own_file, refuse_lacking
+from silmesh.planning.numbers import parse_numbers
+from silmesh.reading import (
+    ARCHIVE,
+    IMAGES,
+    VOXELS,
+    count_objects,
+    is_array,
+    split_row,
+)
 from silmesh.settings.section import LONGEST_NAME, LONGEST_PATH, NAME
 from silmesh.settings.silhouettes import check_source
-from silmesh.settings.turntable import FEWEST, Turntable, parse_turntable
+from silmesh.settings.turntable import FEWEST, SOFTRAS_SHAPENET, Turntable, parse_turntable
 from silmesh.synthetic import layout
 from silmesh.views import count_array_views, list_images, list_masks
 
@@ -41,13 +53,14 @@ class Dataset:
     Attributes:
         where: file and line, for messages
         object: its name
-        images: the photographs in natural order, or one SoftRas ``.npy``
+        images: the photographs in natural order, or one SoftRas ``.npy``, or an object of an
+            ``.npz``, ``<file>.npz#3``
         masks: the mask of each photograph, or none
         silhouettes, cameras: where they come from; a ``file:`` path is resolved
         turntable: what the row says of its geometry
         sets: the views of each set of photographs between which the object was turned over; empty
             for one set, or where it is to be found
-        truth: the true mesh, if given
+        truth: the true mesh, if given, or the true voxels, an object of an ``.npz``
         variants: the experiments that it runs; empty for all
         notes: what was found and is not used, a line each
     """
@@ -72,7 +85,7 @@ def read_datasets(table: Path) -> list[Dataset]:
         InputError: it cannot be read, lacks a column or a value, names an object twice, or names
             something that is not there; every message names the file and the line
     """
-    rows = _read_rows(table)
+    rows = [(line, one) for line, row in _read_rows(table) for one in _expand(table, line, row)]
     lines: dict[str, int] = {}
     for line, row in rows:
         name = row["object"]
@@ -110,6 +123,46 @@ def _read_rows(table: Path) -> list[tuple[int, dict[str, str]]]:
     if not rows:
         raise InputError(f"{table}: has no row; each object to fit has one")
     return rows
+
+
+def _expand(table: Path, line: int, row: dict[str, str]) -> list[dict[str, str]]:
+    """A row of each of the objects that a row names of an ``.npz``; else the row itself."""
+    name, mark, numbers = row["images"].partition(f"{ARCHIVE}#")
+    if not mark and not name.endswith(ARCHIVE):
+        return [row]
+    cells = ("images", name.removesuffix(ARCHIVE) + ARCHIVE)
+    with blaming(f"{table}, line {line} ({row['object']})"):
+        file = _beside(table, cells[1])
+        count = count_objects(file, IMAGES)
+        if not numbers:
+            raise InputError(
+                f"images: {file}: holds {count} objects; should say which: "
+                f"'{file.name}#3' one, '{file.name}#0-{count - 1}' all"
+            )
+        with blaming("images"):
+            chosen = parse_numbers(numbers, 0, count - 1)
+        if row["truth"].endswith(ARCHIVE):
+            _refuse_other_count(_beside(table, row["truth"]), file, count)
+    return [_of_number(row, cells[1], number, len(chosen) > 1) for number in chosen]
+
+
+def _of_number(row: dict[str, str], file: str, number: int, several: bool) -> dict[str, str]:
+    """The row of one of the objects that a row names."""
+    truth = row["truth"]
+    return row | {
+        "object": f"{row['object']}_{number}" if several else row["object"],
+        "images": f"{file}#{number}",
+        "truth": f"{truth}#{number}" if truth.endswith(ARCHIVE) else truth,
+    }
+
+
+def _refuse_other_count(truth: Path, images: Path, count: int) -> None:
+    """Refuse true voxels that are not those of the same objects."""
+    if (voxels := count_objects(truth, VOXELS)) != count:
+        raise InputError(
+            f"truth: {truth}: holds {voxels} objects, but {images} {count}; should be those of the "
+            "same class and split"
+        )
 
 
 def _refuse_unnamed(where: str, cells: Sequence[str], header: Sequence[str], width: int) -> None:
@@ -157,7 +210,9 @@ def _parse_row(table: Path, line: int, row: Mapping[str, str]) -> Dataset:
         images, beside = _find_images(table, row["images"])
         masks, notes = _find_masks(table, row["masks"], images, beside)
         cameras = resolve_cameras(table, row["cameras"])
-        turntable, sets = parse_turntable(row["turntable"]), _find_sets(row["sets"], images)
+        known = SOFTRAS_SHAPENET if split_row(images[0]) and cameras == "turntable" else ""
+        turntable = parse_turntable(row["turntable"] or known)
+        sets = _find_sets(row["sets"], images)
         _refuse_rounds(turntable, sets, images)
         return Dataset(
             where=where,
@@ -177,6 +232,12 @@ def _parse_row(table: Path, line: int, row: Mapping[str, str]) -> Dataset:
 def _beside(table: Path, path: str) -> Path:
     """A path of the table, which is relative to the table itself."""
     return usable(Path(os.path.normpath(table.parent / os.path.expanduser(path))))
+
+
+def to_name(folder: str) -> str:
+    """An object's name from a folder's."""
+    name = re.sub(r"[^A-Za-z0-9_-]+", "_", folder).strip("_-")[:80]
+    return name if re.fullmatch(NAME, name) and name != RESERVED else "object"
 
 
 def usable(path: Path) -> Path:
@@ -206,14 +267,14 @@ def _find_images(table: Path, cell: str) -> tuple[tuple[Path, ...], list[Path]]:
     if made := layout.promised_files(path):
         return made, []
     masks: list[Path] = []
-    if path.suffix != ".npy":
+    if not is_array(path):
         photographs, masks = split_masks(list_images(path))
         images = tuple(map(usable, order_photographs(photographs)))
         count = len(images)
     else:
         images, count = (path,), count_array_views(path)
     if count < FEWEST_VIEWS:
-        what = "is" if images == (path,) and path.suffix != ".npy" else "holds"
+        what = "is" if images == (path,) and not is_array(path) else "holds"
         raise InputError(
             f"{path}: {what} {count} photograph; a fit needs at least {FEWEST_VIEWS}, "
             "from a folder, a glob or a SoftRas .npy"
@@ -228,7 +289,7 @@ def _find_masks(
     if not cell:
         return _take_beside(images, beside)
     path = _beside(table, cell)
-    if images[0].suffix == ".npy":
+    if is_array(images[0]):
         raise InputError(f"masks: {path}: an array of images has its masks in its alpha channel")
     masks, spare = match_masks(images, layout.promised_files(path) or list_masks(path, images))
     return tuple(map(usable, masks)), tell_spare(spare)
@@ -277,7 +338,7 @@ def resolve_cameras(table: Path, cell: str) -> str:
 
 def _find_sets(cell: str, images: Sequence[Path]) -> tuple[tuple[str, ...], ...]:
     """The views of each set that a row names."""
-    if cell and images[0].suffix == ".npy":
+    if cell and is_array(images[0]):
         raise InputError("sets: an array has no names of views, by which they are told apart")
     return find_sets(cell, name_views(images), [image.parent.name for image in images])
 
@@ -293,7 +354,7 @@ def _refuse_rounds(
             "which the object was turned over; should be what is known of all sets, as ',,20', "
             "or sets empty"
         )
-    if rounds > 1 and images[0].suffix != ".npy" and rounds * FEWEST > len(images):
+    if rounds > 1 and not is_array(images[0]) and rounds * FEWEST > len(images):
         raise InputError(
             f"turntable: names {rounds} rounds of {len(images)} photographs; each round should "
             f"have {FEWEST} or more"
@@ -302,6 +363,9 @@ def _refuse_rounds(
 
 def _find_truth(table: Path, cell: str) -> Path:
     path = _beside(table, cell)
+    if row := split_row(path):
+        count_objects(row[0], VOXELS)
+        return path
     try:
         if not layout.is_promised(path) and not path.is_file():
             raise InputError(f"truth: {path}: is not there")

@@ -11,7 +11,10 @@ from typing import TYPE_CHECKING
 
 from silmesh.cameras.sets import CLASH
 from silmesh.errors import InputError, blaming
+from silmesh.reading import is_array
 from silmesh.settings.fit import refuse_clash
+from silmesh.settings.train import NEW
+from silmesh.silhouettes.tflite import is_tflite
 from silmesh.views import count_array_views, find_images
 
 if TYPE_CHECKING:
@@ -82,13 +85,13 @@ def _refuse_opaque(silhouettes: str, images: tuple[Path, ...]) -> None:
 
 def _refuse_few_views(run: "Run") -> None:
     images = run.dataset.images
-    array = images[0].suffix == ".npy"
+    array = is_array(images[0])
     if array and run.cameras == "colmap":
         raise InputError(
             f"{images[0]}: an array of images, but cameras 'colmap' needs the photographs as "
             "files; should be 'calibrate' or a file of cameras"
         )
-    count = count_array_views(images[0]) if array and images[0].is_file() else len(images)
+    count = count_array_views(images[0]) if array else len(images)
     every = run.settings.fit.holdout
     if every and count - count // every < FEWEST_FITTED:
         raise InputError(
@@ -98,22 +101,28 @@ def _refuse_few_views(run: "Run") -> None:
 
 
 def refuse_other_weights(key: str, file: Path) -> None:
-    """Refuse a file that is none of torch's, by how it begins."""
+    """Refuse a file that is none of torch's and no TFLite, by how it begins."""
     try:
         with open(file, "rb") as opened:
-            begins = opened.read(4)
+            begins = opened.read(8)
     except OSError as error:
         raise InputError(f"{key}: {file}: cannot be read: {error.strerror}") from error
-    if begins and not begins.startswith(CHECKPOINT):
+    if begins and not begins.startswith(CHECKPOINT) and not is_tflite(begins):
         raise InputError(
             f"{key}: {file}: is no file of weights: torch's begin otherwise; should be one that "
-            "`bin/run train` or torch.save made"
+            "`bin/run train` or torch.save made, or the TFLite file of mobilenet_v2"
         )
 
 
 def refuse_unknown_weights(key: str, name: str, model: str) -> None:
-    """Refuse a name of weights that torchvision does not have; DEFAULT it has for each model."""
-    if name == "DEFAULT":
+    """Refuse a name of weights that torchvision lacks; DEFAULT it has for each model of its own."""
+    if model == "mobilenet_v2":
+        raise InputError(
+            f"{key}: {name!r}: {model!r} has none of torchvision's weights, and without batch "
+            "normalisation does not learn from random ones; should be the path of its TFLite file, "
+            "or of one that `bin/run train` made from that"
+        )
+    if name in (NEW, "DEFAULT"):
         return
     from silmesh.silhouettes.network import list_weights
 

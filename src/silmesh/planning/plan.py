@@ -39,6 +39,7 @@ from silmesh.planning.feasible import (
     refuse_other_weights,
     refuse_unknown_weights,
 )
+from silmesh.reading import is_array
 from silmesh.report.published import check_published
 from silmesh.settings.init import mesh_file
 from silmesh.settings.section import NAME, Section
@@ -445,9 +446,7 @@ def _refuse_lacking_curves(config: Config, where: str) -> None:
 
 def _refuse_lacking(key: str, weights: str, model: str, promised: bool) -> None:
     """Refuse weights that torchvision lacks, or a file that is not there nor made by this run."""
-    if weights == NEW:
-        return
-    if (file := weights_file(weights)) is None:
+    if weights == NEW or (file := weights_file(weights)) is None:
         refuse_unknown_weights(key, weights, model)
         return
     if promised and file == TRAINED:
@@ -519,7 +518,7 @@ def _refuse_unfindable(
         own = f"variants.{name}." * (deeplab.weights != config.deeplab.weights)
         key = f"{own}deeplab.weights"
         _refuse_lacking(f"{where}: {key}", deeplab.weights, deeplab.model, promised)
-    if silhouettes == "mask" and dataset.images[0].suffix == ".npy":
+    if silhouettes == "mask" and is_array(dataset.images[0]):
         raise InputError(
             f"{dataset.where}: silhouettes are 'mask' (variant {name!r}), but an array of images "
             "has its masks in its alpha channel; should be 'alpha'"

@@ -18,6 +18,8 @@ from functools import cache
 from importlib.util import resolve_name
 from pathlib import Path
 
+from silmesh.reading import split_row
+
 PACKAGE = "silmesh"
 SOURCE = Path(__file__).parents[2]  # the folder that holds the package
 SMALL = 1_000_000  # bytes: files up to this size are compared by what is in them
@@ -63,7 +65,8 @@ def read_digest(files: Iterable[Path | str]) -> str:
     """
     digest = hashlib.sha256()
     for file in files:
-        digest.update(_state_of(os.fspath(file)))
+        row = split_row(file)  # of an archive: which, is among what the step is told
+        digest.update(_state_of(os.fspath(row[0] if row else file)))
     return digest.hexdigest()[:16]
 
 

@@ -131,13 +131,26 @@ METRICS = (
     ),
     Metric("volume_iou", "Volume IoU", "How much of the two bodies is common to both; 1 is best."),
     Metric(
+        "voxel_iou",
+        "Voxel IoU",
+        "How many voxels the two bodies fill in common, of those that either fills, in the grid of "
+        "32\u00a0x\u00a032\u00a0x\u00a032 by which ShapeNet is measured; 1 is best.",
+    ),
+    Metric(
         "normal_consistency",
         "Normal consistency",
         "How well the two surfaces' directions agree at nearest points; 1 is best.",
     ),
 )
 OVERVIEW = ("iou_mean", "iou_min", "hull_iou_mean", "loss_final", "iterations", "fit_seconds")
-TRUTH = ("chamfer", "f_score", "volume_iou", "normal_consistency")  # shown if any run has them
+# Shown if any run has them.
+TRUTH = (
+    "chamfer",
+    "f_score",
+    "volume_iou",
+    "voxel_iou",
+    "normal_consistency",
+)
 
 
 def show(value: Any, metric: Metric) -> str:

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import torch
@@ -9,13 +10,14 @@ from PIL import Image
 
 from silmesh.cameras.attempt import CHECK_SERIES, Attempt
 from silmesh.cameras.calibrate import calibrate_views
-from silmesh.cameras.rounds import propose, read_signs
+from silmesh.cameras.rounds import describe_short, propose, read_signs
 from silmesh.cameras.sets import FEWEST
 from silmesh.progress import Share, untold, within
 from silmesh.scene.joined import join_attempts
 from silmesh.views import View
 
 SOURCE = "calibrate"
+BEGINNING = f"cameras {SOURCE!r}: "  # of a refusal and of a warning
 MANY = 0.3  # of the views: if one turntable leaves out so many, sets are tried as well
 WHOLE = 0.9  # share of the progress when one turntable is fitted; sets are seldom tried
 TRIED = 2  # proposals of sets that are tried at most, the clearest first
@@ -27,7 +29,7 @@ def calibrate_sets(
     sets: Sequence[Sequence[str]] = (),
     pictures: Mapping[str, Image.Image] | None = None,
     progress: Share = untold,
-    **known: float | bool | None,
+    **known: Any,
 ) -> Attempt:
     """``calibrate_views``, each set by itself, and the sets joined.
 
@@ -43,9 +45,10 @@ def calibrate_sets(
     if sets:
         return _calibrate_each(silhouettes, views, _place(sets, views), pictures, progress, known)
     whole = calibrate_views(silhouettes, views, progress=within(progress, 0, WHOLE), **known)
-    if whole.cameras is not None and len(_disagreeing(whole)) < MANY * len(views):
+    explained = whole.cameras is not None and len(_disagreeing(whole)) < MANY * len(views)
+    if explained or len(known.get("rounds", ())) > 1:  # rounds that were given are no sets
         progress(1)
-        return whole
+        return _tell_short(whole, views)
     tried: list[str] = []
     for split in propose(silhouettes, read_signs(views))[:TRIED]:
         start = WHOLE + (1 - WHOLE) * len(tried) / TRIED
@@ -57,7 +60,8 @@ def calibrate_sets(
         if joined.cameras is not None and better:
             said = _say_taken(parts, views, split.because)
             return replace(joined, warnings=(said, *joined.warnings))
-        why = str(joined.refusal).replace(CHECK_SERIES, "")  # which the first refusal ends with
+        why = str(joined.refusal).removeprefix(BEGINNING)
+        why = why.replace(CHECK_SERIES, "")  # which the first refusal ends with
         tried.append(f"taken as {len(parts)} sets, {split.because}: {why}")
     if whole.cameras is not None:
         return whole
@@ -69,10 +73,19 @@ def _disagreeing(attempt: Attempt) -> Mapping[str, str]:
     return attempt.figures.get("disagreeing", {})
 
 
+def _tell_short(whole: Attempt, views: Sequence[View]) -> Attempt:
+    """The attempt with a sentence on a part of the photographs that had no say and is too short."""
+    out = [i for i, view in enumerate(views) if view.view in _disagreeing(whole)]
+    if not out:
+        return whole
+    said = describe_short(read_signs(views), out)
+    return replace(whole, warnings=(*whole.warnings, *said))
+
+
 def _say_taken(parts: Sequence[Sequence[int]], views: Sequence[View], why: str) -> str:
     named = ", ".join(_name([views[i] for i in part]) for part in parts)
     return (
-        f"cameras {SOURCE!r}: no one turntable explains all {len(views)} views, so they were "
+        f"{BEGINNING}no one turntable explains all {len(views)} views, so they were "
         f"taken as {len(parts)} sets, told apart {why}: {named}"
     )
 
@@ -89,7 +102,7 @@ def _calibrate_each(
     parts: Sequence[Sequence[int]],
     pictures: Mapping[str, Image.Image] | None,
     progress: Share,
-    known: Mapping[str, float | bool | None],
+    known: Mapping[str, Any],
 ) -> Attempt:
     attempts = []
     for n, part in enumerate(parts):
@@ -100,7 +113,8 @@ def _calibrate_each(
         share = within(progress, n / (len(parts) + 1), (n + 1) / (len(parts) + 1))
         attempt = calibrate_views(silhouettes[list(part)], some, progress=share, **known)
         if attempt.cameras is None:
-            return _refuse(some, f"taken by itself: {attempt.refusal}", parts, views)
+            why = attempt.refusal.removeprefix(BEGINNING)
+            return _refuse(some, f"taken by itself: {why}", parts, views)
         attempts.append(attempt)
     joined = join_attempts(attempts, views, silhouettes, pictures)
     if joined.cameras is not None:
@@ -163,7 +177,7 @@ def _mirror(attempt: Attempt) -> Attempt:
 def _say_mirrored(twin: Attempt) -> str:
     views = twin.cameras.views
     return (
-        f"cameras {SOURCE!r}: {views[0]!r} to {views[-1]!r} ({len(views)} views) are taken to turn "
+        f"{BEGINNING}{views[0]!r} to {views[-1]!r} ({len(views)} views) are taken to turn "
         f"the other way, seen from {_elevation_of(twin):.1f} degrees instead of "
         f"{-_elevation_of(twin):.1f}: their silhouettes alone explain a mirrored object as well, "
         "and only so do the sets join; if the mesh is mirrored, it was another set"
@@ -173,7 +187,7 @@ def _say_mirrored(twin: Attempt) -> str:
 def _refuse(
     some: Sequence[View], why: str, parts: Sequence[Sequence[int]], views: Sequence[View]
 ) -> Attempt:
-    refusal = f"cameras {SOURCE!r}: the set {_name(some)} {why}"
+    refusal = f"{BEGINNING}the set {_name(some)} {why}"
     figures = {"sets": [[views[i].view for i in part] for part in parts]}
     return Attempt(SOURCE, None, refusal=refusal, figures=figures)
 

@@ -112,7 +112,7 @@ def settle(
     """
     if attempt.source != FILE or keep_world or len(find_shown(silhouettes)) < FEWEST:
         suspects = attempt.figures.get("disagreeing", ())
-        return attempt, normalise(
+        found = normalise(
             attempt.cameras,
             silhouettes,
             keep_world,
@@ -120,6 +120,8 @@ def settle(
             suspects=suspects,
             points=attempt.points,
         )
+        _refuse_cut(attempt, found)
+        return attempt, found
     faced = _face(attempt, silhouettes)
     normalised, why = _try_to_normalise(faced, silhouettes, frames)
     mean = normalised.mean if normalised else 0.0
@@ -139,6 +141,21 @@ def settle(
     if enough and not doubted:
         return replace(faced, warnings=(*faced.warnings, f"{_file(faced)}: {why}")), normalised
     raise InputError(why)
+
+
+def _refuse_cut(attempt: Attempt, found: Normalised) -> None:
+    """Refuse cameras of crops that seem to cut the object, if the silhouettes contradict them.
+
+    Rays that leave the frames contradict nothing, so such cameras may explain all outlines.
+    """
+    each = attempt.figures, *attempt.figures.get("of_sets", ())
+    cut = [one["cut"] for one in each if "cut" in one]
+    if cut and found.mean < COHERENT:
+        raise InputError(
+            f"{cut[0]}. No body fills more than {found.mean:.2f} of the "
+            f"silhouettes before these cameras (hull IoU; of such photographs at least {COHERENT} "
+            "is accepted)"
+        )
 
 
 def _crop(

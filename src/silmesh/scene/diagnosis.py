@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from scipy import ndimage
 
+from silmesh.cameras.arcs import CUT
 from silmesh.cameras.rounds import read_time, split_times
 from silmesh.cameras.series import (
     LEAST,
@@ -26,7 +27,6 @@ from silmesh.errors import name_some
 from silmesh.geometry.frame import find_shown, is_cut
 from silmesh.views import View, open_image
 
-CUT = "the frame cuts the object in"  # begins the finding that it does
 MEASURED = "measured: "  # begins the line of a finding
 GAPS = 3  # most gaps that are reported
 LOOKED_AT, LISTED = 8, 6  # masks that are read, spread over all; most values that are listed
@@ -194,9 +194,10 @@ def _say_rounds(rounds: Sequence[range], views: Sequence[View], why: str = "") -
     return (
         f"the photographs fall in {len(rounds)} rounds{', ' * bool(why)}{why}: {said}; "
         "if one axis does not explain all, give the photographs of one alone, or what is known of "
-        "each: turntable ',5,20;,40,20'. Other rounds are taken with "
-        "known cameras, or by 'colmap' where the object has texture or stands on something "
-        "patterned that turns with it"
+        "each: turntable ',5,20;,40,20'; if the object was turned over between them, name each as "
+        "a set, in the column 'sets' or by --sets. Other rounds are taken with known cameras, or "
+        "by 'colmap' where the object has texture or stands on something patterned that turns with "
+        "it"
     )
 
 

@@ -81,26 +81,35 @@ def _join(first: Part, second: Part) -> tuple[Part, dict[str, Any]]:
     best, judged = choose(turnings, (first, second), worlds)
     joined, turning, solved = _solve((first, second), worlds, halves, best, judged)
     coherence, alone = joined.normalised().overall, [world.overall for world in worlds]
-    if 1 - coherence > TIMES * (1 - min(alone)) + LOSS:
-        raise InputError(_say_apart(first, second, coherence, alone))
+    accepted = 1 - TIMES * (1 - min(alone)) - LOSS
+    if coherence < accepted:
+        raise InputError(_say_apart(first, second, coherence, accepted, alone))
     others = [one for one in turnings if best.angle_to(one) > DISTINCT / 2]
+    runner_up = None
+    if others:
+        rival = bring(first, second, worlds, others[0]).normalised().overall
+        runner_up = {"apart": best.angle_to(others[0]), "coherence": rival}
     join = {
         "views": [len(first.views), len(second.views)],
+        **_describe_turning(turning),
+        "coherence": coherence,
+        "alone": alone,
+        "runner_up": runner_up,
+        "together": solved,
+        **judged,
+    }
+    join["said"] = [_say_join(first, second, join), *_say_together(join), *_say_ambiguous(join)]
+    return joined, join
+
+
+def _describe_turning(turning: Turning) -> dict[str, Any]:
+    """A similarity for JSON; its angle is in degrees."""
+    return {
         "rotation": turning.Q.tolist(),
         "scale": turning.s,
         "shift": turning.c.tolist(),
         "angle": float(np.degrees(Rotation.from_matrix(turning.Q).magnitude())),
-        "coherence": coherence,
-        "alone": alone,
-        "runner_up": None,
-        "together": solved,
-        **judged,
     }
-    if others:
-        rival = bring(first, second, worlds, others[0]).normalised().overall
-        join["runner_up"] = {"apart": best.angle_to(others[0]), "coherence": rival}
-    join["said"] = [_say_join(first, second, join), *_say_together(join), *_say_ambiguous(join)]
-    return joined, join
 
 
 def _solve(
@@ -131,12 +140,15 @@ def _solve(
     return better, found.turning, solved
 
 
-def _say_apart(first: Part, second: Part, coherence: float, alone: Sequence[float]) -> str:
+def _say_apart(
+    first: Part, second: Part, coherence: float, accepted: float, alone: Sequence[float]
+) -> str:
     return (
         f"{first.name} and {second.name} do not join: at best, of all rotations, the body that "
-        f"both sets allow fills {coherence:.3f} of the silhouettes (hull IoU), and those that each "
-        f"allows alone {alone[0]:.3f} and {alone[1]:.3f}. Both should show the same object, which "
-        "kept its shape when it was turned over"
+        f"both sets allow fills {coherence:.3f} of the silhouettes (hull IoU; at least "
+        f"{accepted:.3f} is accepted), and those that each allows alone {alone[0]:.3f} and "
+        f"{alone[1]:.3f}. Both should show the same object, which kept its shape when it was "
+        "turned over"
     )
 
 

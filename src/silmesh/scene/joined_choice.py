@@ -17,7 +17,9 @@ AGREE, BETTER = 0.3, 0.8
 RIVALS = 6  # most rotations that silhouettes leave, which are compared by colours
 COARSE = 48  # samples a side of hulls whose surface is coloured
 TURN, FINER = 5.0, 1.0  # degrees between the turns about the axis of a body of revolution
-MANY = 3  # rivals about one axis, from which the shape is taken for a body of revolution
+# Rivals about one axis, within so many degrees of it, from which the shape is taken for a body of
+# revolution.
+MANY, ONE_AXIS = 3, 15.0
 
 
 def choose(
@@ -51,7 +53,7 @@ def choose(
 def _share_axis(best: Turning, rivals: Sequence[Turning]) -> bool:
     """Whether all rivals are turned against the best about one axis."""
     axes = np.array([best.axis_to(one)[0] for one in rivals])
-    return bool((np.abs(axes @ axes[0]) > np.cos(np.radians(15))).all())
+    return bool((np.abs(axes @ axes[0]) > np.cos(np.radians(ONE_AXIS))).all())
 
 
 def _axis_of(best: Turning, rivals: Sequence[Turning]) -> tuple[np.ndarray, np.ndarray]:

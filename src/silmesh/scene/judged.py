@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
+from silmesh.cameras.arcs import CUT
 from silmesh.geometry.frame import count_on_frame, is_cut
 from silmesh.geometry.robust_hull import robust_carve
 from silmesh.geometry.silhouette_iou import coherence
 from silmesh.geometry.thresholds import COHERENT
 from silmesh.progress import Share, untold
 from silmesh.scene.colour_edges import Figures, compare_all, contradict, describe_offset
-from silmesh.scene.diagnosis import CUT, MANY
+from silmesh.scene.diagnosis import MANY
 from silmesh.scene.outliers import Verdict
 from silmesh.scene.policy import DROPPED, REPAIRED, WEIGHTS, Decision, decide
 from silmesh.scene.resegmentation import Solved, solve_jointly

@@ -10,7 +10,7 @@ from silmesh.errors import InputError
 from silmesh.own_code import SHOULD, own_file
 from silmesh.settings.section import OwnCode, Pixels, Section
 
-Network = Literal["mobilenet_v3_large", "resnet50", "resnet101"]
+Network = Literal["mobilenet_v3_large", "resnet50", "resnet101", "mobilenet_v2"]
 WeightsSource = Annotated[
     str,
     StringConstraints(pattern=r"^[^\s{}]([^{}]*[^\s{}])?$"),
@@ -37,11 +37,15 @@ class NetworkSettings(Section):
 class DeepLab(NetworkSettings):
     """Silhouettes from DeepLabv3."""
 
-    model: Network = Field("mobilenet_v3_large", description="torchvision's name of the backbone")
+    model: Network = Field(
+        "mobilenet_v3_large",
+        description="torchvision's name of the backbone, or mobilenet_v2, whose weights are a file",
+    )
     weights: WeightsSource = Field(
         "DEFAULT",
         description="torchvision's name of weights, downloaded when first used, or a file, for "
-        "example one that `bin/run train` made; relative to the working directory",
+        "example one that `bin/run train` made, or the TFLite file of mobilenet_v2; relative to "
+        "the working directory",
     )
     classes: Literal["any", "dominant"] = Field(
         "any",

@@ -15,7 +15,10 @@ NEW = "none"  # weights that are drawn at random
 class Train(Section):
     """Training of DeepLabv3 on the objects of the table that have masks."""
 
-    model: Network = Field("mobilenet_v3_large", description="torchvision's name of the backbone")
+    model: Network = Field(
+        "mobilenet_v3_large",
+        description="torchvision's name of the backbone, or mobilenet_v2, which begins with a file",
+    )
     weights: Literal["none"] | WeightsSource = Field(
         "none", description="to begin with: none (random ones), torchvision's name, or a file"
     )

@@ -10,6 +10,9 @@ from silmesh.errors import InputError, shorten
 
 FARTHEST = 100  # distance of a turntable's camera at which the object is 2 % of the picture
 FEWEST = 5  # photographs of a round, if there are several
+# What ShapeNet's renderings were taken with (Kato et al. 2018), as SoftRas reads them: its azimuth
+# is -15 degrees times the view's number.
+SOFTRAS_SHAPENET = "2.732,30,-15"
 EXAMPLE = "',5,20;,40,20'"
 
 

@@ -3,7 +3,8 @@
 A file of ours holds ``{model, classes, mean, std, size, state}``: torchvision's name of the
 network, the names of the classes, the background first, how its input is normalised (in 0..1) and
 how large the longer side of the photographs was, and the parameters by torchvision's names. A file
-of parameters alone, as torchvision downloads them, is read too.
+of parameters alone, as torchvision downloads them, is read too, and so is the TFLite file of
+``mobilenet_v2``, which torchvision has not.
 """
 
 import io
@@ -20,14 +21,16 @@ from torch.nn import functional
 
 from silmesh.errors import WORDS, InputError, cut, shorten
 from silmesh.files import replacing
+from silmesh.silhouettes import mobilenet_v2
+from silmesh.silhouettes.tflite import is_tflite
 from silmesh.silhouettes.torchvision_import import import_segmentation
 
-MODELS = ("mobilenet_v3_large", "resnet50", "resnet101")
+MODELS = ("mobilenet_v3_large", "resnet50", "resnet101", mobilenet_v2.NAME)
 MEAN, STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)  # ImageNet's, which torchvision takes
 SIZES = (16, 8192)  # pixels that a network may be made for
 SIZE = 520  # pixels, to which torchvision's own transforms resize
 STRIDE = 16  # pixels of the photograph to one of the features
-COUNTED = "classifier.4.weight"  # has a row for each class
+COUNTED = ("classifier.4.weight", f"{mobilenet_v2.LAST}.weight")  # has a row for each class
 AUXILIARY = "aux_classifier."  # a head that only torchvision's training uses
 
 
@@ -74,7 +77,9 @@ class AtrousConv2d(nn.Conv2d):
 
 
 def build_network(model: str, classes: int) -> nn.Module:
-    """torchvision's network with random parameters."""
+    """torchvision's network, or that of a TFLite file, with random parameters."""
+    if model == mobilenet_v2.NAME:
+        return mobilenet_v2.DeepLabMobileNetV2(classes)
     build = getattr(import_segmentation(), f"deeplabv3_{model}")
     network = build(weights=None, weights_backbone=None, num_classes=classes, aux_loss=False)
     for branch in _atrous_branches(network):
@@ -112,6 +117,8 @@ def widen(state: Mapping[str, Tensor], whole: Mapping[str, Tensor]) -> dict[str,
 
 
 def _atrous_branches(network: nn.Module) -> list[nn.Sequential]:
+    if isinstance(network, mobilenet_v2.DeepLabMobileNetV2):
+        return []
     return list(network.classifier[0].convs[1:4])  # between a 1x1 convolution and the mean
 
 
@@ -146,21 +153,22 @@ def is_torchvision_name(source: str) -> bool:
 
 
 def list_weights(model: str) -> list[str]:
-    """The names that torchvision has for weights of a model."""
+    """The names that torchvision has for weights of a model; none of one that is not its own."""
+    if model == mobilenet_v2.NAME:
+        return []
     segmentation = import_segmentation()
     return list(getattr(segmentation, _enumeration(segmentation, model)).__members__)
 
 
 def _download(name: str, model: str) -> Weights:
     """torchvision's weights, from its cache or the net."""
-    segmentation = import_segmentation()
-    known = getattr(segmentation, _enumeration(segmentation, model))
-    if name not in known.__members__:
+    if name not in (known := list_weights(model)):
         raise InputError(
             f"deeplab.weights: {name!r} is none of torchvision's for {model!r}; "
-            f"there are {', '.join(known.__members__)}, or a file's path"
+            f"there are {', '.join(known) or 'none'}; or should be a file's path"
         )
-    weights = known[name]
+    segmentation = import_segmentation()
+    weights = getattr(segmentation, _enumeration(segmentation, model))[name]
     cached = Path(torch.hub.get_dir()) / "checkpoints" / weights.url.rpartition("/")[2]
     try:
         state = weights.get_state_dict(progress=False, check_hash=True)
@@ -185,6 +193,8 @@ def _enumeration(segmentation: Any, model: str) -> str:
 
 
 def _read(path: Path) -> Mapping[str, Any]:
+    if path.is_file() and _is_tflite(path):
+        return mobilenet_v2.read_tflite(path)
     _refuse_packed(path)
     try:
         held = torch.load(path, map_location="cpu", weights_only=True)
@@ -200,18 +210,24 @@ def _read(path: Path) -> Mapping[str, Any]:
     return held
 
 
+def _is_tflite(path: Path) -> bool:
+    with open(path, "rb") as opened:
+        return is_tflite(opened.read(8))
+
+
 def _fit_to_model(held: Mapping[str, Any], path: Path, model: str) -> Weights:
     """Check what a file holds against the network that it should be for."""
     ours = {field.name for field in fields(Weights)} <= set(held)
     if ours:
         _refuse_wrong(held, path)
     state = _main_part(_tensors(held["state"] if ours else held, path))
-    if COUNTED not in state or not state[COUNTED].ndim:
+    counted = next((name for name in COUNTED if name in state), COUNTED[0])
+    if counted not in state or not state[counted].ndim:
         raise InputError(
-            f"{path}: holds no weights of DeepLabv3 ({COUNTED} is missing); should be a file that "
+            f"{path}: holds no weights of DeepLabv3 ({counted} is missing); should be a file that "
             "`bin/run train` or torchvision made for it"
         )
-    count = len(state[COUNTED])
+    count = len(state[counted])
     if not _suits(state, model, count):
         others = [name for name in MODELS if _suits(state, name, count)]
         raise InputError(

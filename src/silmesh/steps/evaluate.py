@@ -13,6 +13,7 @@ from silmesh.evaluation.metrics import evaluate
 from silmesh.files import replacing
 from silmesh.geometry.camera import read_cameras
 from silmesh.geometry.mesh_files import read_mesh
+from silmesh.reading import read_voxels
 from silmesh.scene.scene import SILHOUETTES, load_scene
 from silmesh.settings.fit import Fit
 from silmesh.steps.command import add_settings, output_file, parser, run
@@ -30,6 +31,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument("--relief", type=Path, help="relief.json, if photographs had a say")
     args.add_argument("--texture", type=Path, help="texture.json of its texture")
     args.add_argument("--truth", type=Path, help="the true mesh, in the cameras' world")
+    args.add_argument("--voxels", type=Path, help="<file>.npz#<object>, what the truth is made of")
     args.add_argument("--align", action="store_true", help="register the mesh with the truth first")
     add_settings(args, Fit, of="its fit")
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
@@ -53,6 +55,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         given.align,
         _read_notes(given.relief),
         _read_notes(given.texture),
+        read_voxels(given.voxels) if given.voxels else None,
     )
     with replacing(given.output) as part:
         part.write_text(json.dumps(metrics, indent=1) + "\n", encoding="utf-8")

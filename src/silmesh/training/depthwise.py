@@ -23,7 +23,8 @@ class AtrousDepthwise(nn.Conv2d):
 
     def forward(self, features: Tensor) -> Tensor:
         """Convolve [batch, channels, rows, columns]."""
-        return _Convolve.apply(features, self.weight, self.dilation[0])
+        found = _Convolve.apply(features, self.weight, self.dilation[0])
+        return found if self.bias is None else found + self.bias[:, None, None]
 
 
 def hasten(network: nn.Module) -> None:

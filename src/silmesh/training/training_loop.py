@@ -98,6 +98,7 @@ class Training:
             _load_what_fits(network, start.state)
         else:
             _draw_anew(network)
+        self.colours = (start.mean, start.std) if start else (MEAN, STD)
         self.whole = narrow(network, settings.size)
         if not start:  # what is never seen shall not stay random: larger photographs would see it
             self.whole = {name: torch.zeros_like(kernel) for name, kernel in self.whole.items()}
@@ -135,7 +136,7 @@ class Training:
     def weights(self) -> Weights:
         """The best epoch's."""
         state = widen(self.best, self.whole)
-        return Weights(self.settings.model, CLASSES, MEAN, STD, self.settings.size, state)
+        return Weights(self.settings.model, CLASSES, *self.colours, self.settings.size, state)
 
     def run_epoch(
         self, train: Material, tests: Material, after_step: Callable[[], None] = lambda: None
@@ -168,7 +169,7 @@ class Training:
         for group in self.optimiser.param_groups:
             group["lr"] = self.settings.learning_rate * _one_cycle(part)
         torch.manual_seed(int(self._rng(len(train.cutouts) + done).integers(2**32)))  # drop-out
-        loss, iou = self.step(*_stack(pairs), epoch * steps + done)
+        loss, iou = self.step(*self._stack(pairs), epoch * steps + done)
         self.begun.steps += 1
         self.begun.loss += loss
         self.begun.iou += iou
@@ -201,11 +202,15 @@ class Training:
         """Mean loss and IoU of the mean weights, over composites that are the same each time."""
         losses, ious = [], []
         for pair in pairs_to_test(tests, self.settings.size, self.settings.seed, TESTS):
-            images, truth = _stack([pair])
+            images, truth = self._stack([pair])
             scores = self.mean(images)["out"]
             losses.append(float(segmentation_loss(scores, truth)))
             ious.append(float(iou_of(scores, truth)[0]))
         return float(np.mean(losses)), float(np.mean(ious))
+
+    def _stack(self, pairs: Sequence[tuple[Tensor, Tensor]]) -> tuple[Tensor, Tensor]:
+        images, truth = zip(*pairs, strict=True)
+        return normalise(torch.stack(images), *self.colours), torch.stack(truth)
 
     def save(self, path: Path, material: str) -> None:
         """Write a checkpoint, which names what it was trained on."""
@@ -266,15 +271,10 @@ def iou_of(scores: Tensor, truth: Tensor) -> Tensor:
     return both / (found | object_).sum(dim=(1, 2)).clamp(min=1)
 
 
-def normalise(images: Tensor) -> Tensor:
+def normalise(images: Tensor, mean: Sequence[float] = MEAN, std: Sequence[float] = STD) -> Tensor:
     """Colours in 0..1 as the network takes them: [batch, 3, h, w]."""
-    mean, std = (torch.tensor(v)[:, None, None] for v in (MEAN, STD))
+    mean, std = (torch.tensor(v)[:, None, None] for v in (mean, std))
     return ((images - mean) / std).contiguous(memory_format=torch.channels_last)
-
-
-def _stack(pairs: Sequence[tuple[Tensor, Tensor]]) -> tuple[Tensor, Tensor]:
-    images, truth = zip(*pairs, strict=True)
-    return normalise(torch.stack(images)), torch.stack(truth)
 
 
 def _one_cycle(done: float) -> float:

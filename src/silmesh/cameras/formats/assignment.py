@@ -17,6 +17,7 @@ import torch
 from silmesh.cameras.attempt import FILE, Attempt
 from silmesh.errors import InputError, name_some
 from silmesh.geometry.camera import Cameras
+from silmesh.reading import is_array
 from silmesh.views import View
 
 CROPPED = 0.2  # of the photographs: of more sizes than that they may have been cropped one by one
@@ -150,7 +151,7 @@ def _find_positions(
 @cache
 def _files_of(source: str) -> frozenset[PureWindowsPath]:
     """Where a view's photograph lies, as it was named and where links lead."""
-    if source.endswith(".npy"):  # of many photographs
+    if is_array(source):  # of many photographs
         return frozenset()
     return frozenset(PureWindowsPath(path) for path in (source, os.path.realpath(source)))
 
