@@ -36,7 +36,11 @@ def test_share_and_time_follow_what_steps_usually_take(clock):
 def test_the_steps_whose_times_are_listed_are_rules():
     """A rule and its step that reports progress go by the same name."""
     rules = Path(__file__).parents[2] / "workflow/rules"
-    named = re.findall(r"^rule (\w+):", "".join(f.read_text() for f in rules.glob("*.smk")), re.M)
+    named = re.findall(
+        r"^(?:rule|use rule \w+ as) (\w+)\b",
+        "".join(f.read_text() for f in rules.glob("*.smk")),
+        re.M,
+    )
     assert set(SECONDS) <= set(named)
     steps = Path(__file__).parents[2] / "src/silmesh/steps"
     told = re.findall(r'share_of\(f"(\w+) ', "".join(f.read_text() for f in steps.glob("*.py")))
