@@ -28,6 +28,7 @@ from relief_sheet import draw_sheet
 from rendered import Case, Fitted, prepare
 
 from silmesh.evaluation.ground_truth import compare_to_truth
+from silmesh.fitting.mending import follow_outlines
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.mesh_files import to_tensors
 from silmesh.geometry.silhouette_iou import silhouette_iou
@@ -103,6 +104,9 @@ def measure(case: Case, given: argparse.Namespace, folder: Path) -> dict[str, An
         sigma,
         seed=given.seed,
         by=timed,
+        mend=lambda refined: follow_outlines(
+            refined, fitted.cameras, fitted.silhouettes, FastFit()
+        ),
     )
     if not timed.relief:  # nothing was tried
         timed.relief = Relief(judged.mesh.vertices, judged.mesh.faces, judged.standing, False, {})

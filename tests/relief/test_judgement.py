@@ -10,11 +10,13 @@ import trimesh
 from PIL import Image
 
 from silmesh.cameras.turntable import orbit_cameras
+from silmesh.fitting.mending import follow_outlines
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.originals import Originals
 from silmesh.relief.judgement import compare, refine_if_better
 from silmesh.relief.refinement import Relief
 from silmesh.relief.surface import PHOTOGRAPHS
+from silmesh.settings.fit import FastFit
 from silmesh.views import write_views
 
 VIEWS, SIZE, WORKING = 18, 128, 64
@@ -87,9 +89,13 @@ def propose(mesh: trimesh.Trimesh):
     return by
 
 
-def judge(scene: Scene, old: trimesh.Trimesh, new: trimesh.Trimesh):
+def judge(scene: Scene, old: trimesh.Trimesh, new: trimesh.Trimesh, mend=None):
+    return judge_by(scene, old, propose(new), mend)
+
+
+def judge_by(scene: Scene, old: trimesh.Trimesh, by, mend=None):
     return refine_if_better(
-        old, scene.originals, scene.silhouettes, scene.cameras, SIGMA, by=propose(new)
+        old, scene.originals, scene.silhouettes, scene.cameras, SIGMA, by=by, mend=mend
     )
 
 
@@ -121,16 +127,48 @@ def test_a_surface_that_leaves_the_outlines_is_refused(dented: Scene) -> None:
     assert "IoU would fall" in found.notes["because"]
 
 
-def test_a_surface_a_part_of_a_pixel_too_small_grows(dented: Scene) -> None:
+def test_a_surface_a_part_of_a_pixel_too_small_is_led_back(dented: Scene) -> None:
     """A pixel is 0.0229 at the ball, of which 0.4 is 2.3 % of its radius."""
+
+    def mend(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+        return follow_outlines(mesh, dented.cameras, dented.silhouettes, FastFit())
+
     small = make_ball(0.15)
     small.apply_scale(1 - 0.4 * 0.0229 / 0.4)
-    found = judge(dented, make_ball(0.0), small)
+    found = judge(dented, make_ball(0.0), small, mend)
     assert found.notes["taken"], found.notes["because"]
-    assert found.notes["grown"] > 0
+    assert found.notes["mended"]
     assert found.notes["iou"]["after"] >= found.notes["iou"]["before"] - 0.001
-    radius = np.linalg.norm(found.mesh.vertices, axis=1).max()
+    radius = np.median(np.linalg.norm(found.mesh.vertices, axis=1))  # most are not in the dent
     assert 0.4 - 0.35 * 0.0229 < radius < 0.4 + 0.15 * 0.0229
+
+
+def test_a_surface_that_leaves_the_outlines_is_mended_if_it_can_be(dented: Scene) -> None:
+    small = make_ball(0.15)
+    small.apply_scale(0.93)
+    found = judge(dented, make_ball(0.0), small, mend=lambda mesh: make_ball(0.15))
+    assert found.notes["taken"], found.notes["because"]
+    assert found.notes["mended"]
+    assert np.allclose(found.mesh.vertices, make_ball(0.15).vertices, atol=1e-6)
+    vain = judge(dented, make_ball(0.0), small, mend=lambda mesh: mesh)
+    assert not vain.notes["taken"]
+
+
+@pytest.mark.parametrize(("last", "by_all"), [(0.15, True), (0.0, False)])
+def test_what_is_confirmed_is_made_of_all_photographs(
+    dented: Scene, last: float, by_all: bool
+) -> None:
+    """But where that is not confirmed by as much, the surface stays that was."""
+    asked = []
+
+    def by(mesh, originals, silhouettes, cameras, views, *_: object) -> Relief:
+        asked.append(list(views))
+        return propose(make_ball(0.15 if len(asked) == 1 else last))()
+
+    found = judge_by(dented, make_ball(0.0), by)
+    assert [len(views) for views in asked] == [15, 18]
+    assert found.notes["by_all"]["taken"] == by_all
+    assert np.allclose(found.mesh.vertices, make_ball(0.15).vertices, atol=1e-6)
 
 
 def test_the_same_surface_is_no_gain(dented: Scene) -> None:

@@ -14,7 +14,7 @@ from silmesh.geometry.camera import Cameras
 from silmesh.geometry.originals import Originals
 from silmesh.geometry.visual_hull import carve
 from silmesh.relief.depths import cast_rays, find_neighbours, sweep
-from silmesh.relief.refinement import Relief, refine
+from silmesh.relief.refinement import Relief, _refuse, refine
 from silmesh.relief.sights import look
 from silmesh.relief.surface import PHOTOGRAPHS, simplify
 from silmesh.shapes.downsample import render
@@ -179,3 +179,11 @@ def test_what_is_thinner_than_the_grid_stays_as_it_is(textured):
     relief = refine(leaf, scene.originals, scene.silhouettes, scene.cameras, kept=range(0, 32, 4))
     assert not relief.changed
     assert np.array_equal(relief.verts, leaf.vertices)
+
+
+@pytest.mark.parametrize(
+    ("share", "of_textured", "refused"),
+    [(0.02, 0.9, True), (0.05, 0.2, True), (0.05, 0.4, False), (0.2, 0.2, False)],
+)
+def test_few_depths_are_gloss_but_many_are_left_to_the_judge(share, of_textured, refused):
+    assert bool(_refuse(share, of_textured)) == refused

@@ -7,6 +7,7 @@ import numpy as np
 import trimesh
 
 from silmesh.fitting.fit import fitted_views
+from silmesh.fitting.mending import follow_outlines
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.originals import Originals
 from silmesh.progress import Share, untold
@@ -41,14 +42,23 @@ def refine_by_photographs(
     distrusted = set(notes.get("distrusted", ()))
     believed = [i for i in fitted_views(scene, settings) if cameras.views[i] not in distrusted]
     unreadable = {view.view for view in views if view.unreadable}
+    silhouettes = np.asarray(scene.silhouettes)
+
+    def mend(refined: trimesh.Trimesh) -> trimesh.Trimesh:
+        """By the silhouettes of the views that are believed."""
+        frames = None if scene.frames is None else scene.frames[believed]
+        seen = cameras.select(believed), silhouettes[believed]
+        return follow_outlines(refined, *seen, settings, frames)
+
     return refine_if_better(
         mesh,
         Originals(cameras, views, scene.notes.get("lenses"), LONGEST),
-        np.asarray(scene.silhouettes),
+        silhouettes,
         cameras,
         settings.sigma_at(scene.silhouettes.shape[-1]),
         [i for i in believed if cameras.views[i] not in unreadable],
         scene.frames,
         settings.seed,
         progress,
+        mend=mend,
     )

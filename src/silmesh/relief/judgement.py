@@ -5,6 +5,9 @@ a pixel's ray meets the surface, the point there is looked up in the nearest vie
 what they show is compared with what the photograph shows, by PSNR of the colours and by normalised
 cross-correlation (NCC) of the brightness in small blocks. A surface in the wrong place looks up the
 wrong colours. Only what the refinement moved is judged; the rest is the same for both.
+
+Where they confirm it, the surface is refined once more by all photographs, those included, and that
+surface is taken if it passes the same judgement, which is no independent one then.
 """
 
 import time
@@ -21,7 +24,7 @@ from silmesh.geometry.mesh_files import to_tensors
 from silmesh.geometry.originals import Originals
 from silmesh.geometry.silhouette_iou import silhouette_iou
 from silmesh.geometry.undistortion import sample
-from silmesh.progress import Share, untold
+from silmesh.progress import Share, untold, within
 from silmesh.relief.free_space import Grid
 from silmesh.relief.refinement import Relief, refine
 from silmesh.relief.surface import STANDINGS, judge_standing
@@ -35,7 +38,6 @@ MOVED = 0.002  # of the mesh's size: a surface that is so much nearer or farther
 LEAST = 100  # pixels that must have moved to be judged
 GAIN = 0.3  # dB that is better: wrong surfaces that glossy objects suggested gained 0.15
 LOST = 0.001  # of the silhouettes' IoU that may be lost
-GROWTHS = (0.125, 0.25, 0.375, 0.5)  # pixels of the working images
 LIFT = 1e-4  # of the mesh's size: rays start so far above the surface
 
 
@@ -48,7 +50,9 @@ class Judged:
         standing: [verts] uint8, what each vertex stands on, a position in ``STANDINGS``
         notes: for JSON: ``surface``, the share of each; whether it was ``taken``, ``because`` of
             what, and both ``said`` in a line; where it was tried also ``held_out``, ``psnr``,
-            ``ncc`` and ``iou`` before and after, ``seconds`` and the refinement's own notes
+            ``ncc`` and ``iou`` before and after, what filled its outlines, ``seconds`` and
+            the refinement's own notes; where it was taken, ``by_all``: the same of the surface
+            by all photographs, and whether it was ``taken``
     """
 
     mesh: trimesh.Trimesh
@@ -67,6 +71,7 @@ def refine_if_better(
     seed: int = 0,
     progress: Share = untold,
     by: Callable[..., Relief] = refine,
+    mend: Callable[[trimesh.Trimesh], trimesh.Trimesh] | None = None,
 ) -> Judged:
     """Refine a surface by photographs, and take it if photographs that were kept out agree.
 
@@ -76,6 +81,7 @@ def refine_if_better(
         kept: positions of the views that are believed; all if not given
         frames: [views, 4] of the photographs within the working images
         by: what refines
+        mend: moves the vertices of a mesh back to the silhouettes, if these are lost otherwise
     """
     started = time.perf_counter()
     views = list(range(len(cameras)) if kept is None else kept)
@@ -84,19 +90,58 @@ def refine_if_better(
         return _stay(mesh, before, doubt, {}, started)
     held = views[HELD - 1 :: HELD]
     used = [view for view in views if view not in held]
-    relief = by(mesh, originals, silhouettes, cameras, used, seed, progress)
+    scene = _Scene(mesh, originals, silhouettes, cameras, sigma, frames, mend)
+    relief = by(mesh, originals, silhouettes, cameras, used, seed, within(progress, 0, 0.5))
     notes = {"held_out": [cameras.views[i] for i in held], "refinement": relief.notes}
     if not relief.changed:
         return _stay(mesh, before, str(relief.notes["reason"]), notes, started)
-    refined = _as_written(relief)
-    told = cameras, silhouettes, sigma, frames
-    refined, grown, iou = _fill_outlines(mesh, refined, *told)
-    seen = compare(mesh, refined, originals, silhouettes, held, used)
-    notes |= {"iou": iou, "grown": grown, **seen}
-    why, better = _decide(iou, seen)
-    if not better:
-        return _stay(mesh, before, why, notes, started)
-    return Judged(refined, relief.standing, _describe(True, why, relief.standing, notes, started))
+    first = _judge(relief, scene, held, used)
+    notes |= first.notes
+    if not first.better:
+        return _stay(mesh, before, first.why, notes, started)
+    relief = by(mesh, originals, silhouettes, cameras, views, seed, within(progress, 0.5, 1))
+    whole = _judge(relief, scene, held, used) if relief.changed else first
+    taken = whole if whole.better else first
+    notes["by_all"] = {"taken": taken is not first, "because": whole.why, **whole.notes}
+    said = _describe(True, first.why, taken.standing, notes, started)
+    return Judged(taken.mesh, taken.standing, said)
+
+
+@dataclass(frozen=True)
+class _Scene:
+    """What surfaces are judged by: see ``refine_if_better``; ``mesh`` is the one to be beaten."""
+
+    mesh: trimesh.Trimesh
+    originals: Originals
+    silhouettes: np.ndarray
+    cameras: Cameras
+    sigma: float
+    frames: np.ndarray | None
+    mend: Callable[[trimesh.Trimesh], trimesh.Trimesh] | None
+
+    def measure_iou(self, mesh: trimesh.Trimesh) -> float:
+        """Mean IoU with the silhouettes."""
+        told = self.cameras, self.silhouettes, self.sigma, self.frames
+        return float(silhouette_iou(*to_tensors(mesh), *told).mean())
+
+
+@dataclass(frozen=True)
+class _Proposal:
+    """A refined surface whose outlines are filled, and what was found of it."""
+
+    mesh: trimesh.Trimesh
+    standing: np.ndarray
+    better: bool
+    why: str
+    notes: dict[str, Any]
+
+
+def _judge(relief: Relief, scene: _Scene, held: Sequence[int], used: Sequence[int]) -> _Proposal:
+    """Whether a refined surface predicts the photographs at ``held`` better."""
+    refined, notes = _fill_outlines(scene, _as_written(relief))
+    notes |= compare(scene.mesh, refined, scene.originals, scene.silhouettes, held, used)
+    why, better = _decide(notes["iou"], notes)
+    return _Proposal(refined, relief.standing, better, why, notes)
 
 
 def compare(
@@ -291,41 +336,23 @@ def _pair(before: Any, after: Any) -> dict[str, Any]:
     return {"before": before, "after": after}
 
 
-def _measure_iou(
-    mesh: trimesh.Trimesh,
-    cameras: Cameras,
-    silhouettes: np.ndarray,
-    sigma: float,
-    frames: np.ndarray | None,
-) -> float:
-    """Mean IoU with the silhouettes."""
-    found = silhouette_iou(*to_tensors(mesh), cameras, silhouettes, sigma, frames)
-    return float(found.mean())
+def _fill_outlines(scene: _Scene, new: trimesh.Trimesh) -> tuple[trimesh.Trimesh, dict[str, Any]]:
+    """Mend a refined surface if it does not fill the silhouettes as the old one does.
 
-
-def _fill_outlines(
-    old: trimesh.Trimesh, new: trimesh.Trimesh, cameras: Cameras, *told: Any
-) -> tuple[trimesh.Trimesh, float, dict[str, float]]:
-    """Grow a refined surface, by half a pixel at most, until it fills the silhouettes again.
-
-    A surface between depths ends a part of a pixel within the outlines.
+    A surface between depths ends a part of a pixel within the outlines, and an old mesh may follow
+    each step of the masks' pixels.
 
     Returns:
-        the surface, as it was if that does not help; by how many pixels of the working images it
-        has grown; the IoU of the old surface and of this one
+        the surface, as it was if that does not help; and the notes ``iou`` of the old surface and
+        of this one, and whether it was ``mended``
     """
-    before, after = (_measure_iou(mesh, cameras, *told) for mesh in (old, new))
-    if before - after <= LOST:
-        return new, 0.0, _pair(before, after)
-    away = (cameras.centres - cameras.centres.new_tensor(old.bounds.mean(axis=0))).norm(dim=1)
-    pixel = float((away / cameras.K[:, 0, 0]).median())
-    for growth in GROWTHS:
-        moved = new.vertices + growth * pixel * new.vertex_normals
-        grown = trimesh.Trimesh(np.float64(np.float32(moved)), new.faces, process=False)
-        iou = _measure_iou(grown, cameras, *told)
-        if before - iou <= LOST:
-            return grown, growth, _pair(before, iou)
-    return new, 0.0, _pair(before, after)
+    before, after = map(scene.measure_iou, (scene.mesh, new))
+    if before - after > LOST and scene.mend:
+        mended = scene.mend(new)
+        iou = scene.measure_iou(mended)
+        if iou > after:
+            return mended, {"iou": _pair(before, iou), "mended": True}
+    return new, {"iou": _pair(before, after), "mended": False}
 
 
 def _decide(iou: dict[str, float], seen: dict[str, Any]) -> tuple[str, bool]:

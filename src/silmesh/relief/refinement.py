@@ -39,7 +39,8 @@ DOUBTS = 2  # rounds in which depths that others see through are left out
 STRIKES = 4  # most rounds in which depths that contradict silhouettes are struck
 VERTICES = 16_000  # of the refined surface, if the mesh has no more
 FEW = 0.03  # share of the pixels that see the mesh: fewer depths say too little
-DENIED = 0.3  # share of those with texture, of which fewer with a depth are gloss
+DENIED = 0.3  # share of those with texture, of which fewer with a depth are gloss,
+MANY = 0.1  # unless this share of all has one: photographs that are kept out judge those
 INNER = 2  # pixels within a silhouette from which on nothing may be missing
 
 
@@ -121,7 +122,7 @@ def _refuse(share: float, of_textured: float) -> str:
     """Why depths on these shares of all pixels, and of those with texture, are too few, if so."""
     if share < FEW:
         return f"photographs agree on {share:.1%} of the object, less than {FEW:.0%}"
-    if of_textured < DENIED:
+    if of_textured < DENIED and share < MANY:
         return (
             f"photographs agree on {of_textured:.0%} of what has texture, less than {DENIED:.0%}:"
             " gloss moves over it"
