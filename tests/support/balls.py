@@ -1,5 +1,6 @@
 """Photographs of a painted ball, each pixel's colour that of the point that its ray meets."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -26,23 +27,24 @@ def photograph_ball(folder: Path, count: int) -> tuple[Cameras, list[View], np.n
     files = [folder / f"{name}.png" for name in named]
     large = turntable_cameras(named, LARGE, 2.732, 15.0, 360 / count)
     for i, file in enumerate(files):
-        Image.fromarray(_draw(large, i)).save(file)
+        Image.fromarray(draw(large, i, colours_at)).save(file)
     views = [
         place_view(name, str(file), LARGE, LARGE, SIZE, "pad")
         for name, file in zip(named, files, strict=True)
     ]
     cameras = turntable_cameras(named, SIZE, 2.732, 15.0, 360 / count)
-    return cameras, views, np.stack([_meet(cameras, i)[0] for i in range(count)])
+    return cameras, views, np.stack([meet(cameras, i)[0] for i in range(count)])
 
 
-def _draw(cameras: Cameras, i: int) -> np.ndarray:
-    shown, points = _meet(cameras, i)
+def draw(cameras: Cameras, i: int, paint: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """The i-th photograph, [height, width, 3] uint8, of a ball whose points have this paint."""
+    shown, points = meet(cameras, i)
     image = np.full((*shown.shape, 3), GROUND, np.uint8)
-    image[shown] = colours_at(points).round().clip(0, 255)
+    image[shown] = paint(points).round().clip(0, 255)
     return image
 
 
-def _meet(cameras: Cameras, i: int) -> tuple[np.ndarray, np.ndarray]:
+def meet(cameras: Cameras, i: int) -> tuple[np.ndarray, np.ndarray]:
     """Which pixels see the ball [height, width], and where these meet it [n, 3]."""
     width, height = cameras.sizes[i].tolist()
     v, u = np.mgrid[:height, :width] + 0.5

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 import trimesh
+from balls import GROUND, RADIUS, draw, meet
 from PIL import Image
 from scenes import dome
 from scipy.spatial.transform import Rotation
@@ -17,8 +18,7 @@ from silmesh.texture.rendering import render, render_vertex_colours
 from silmesh.texture.vertex_colours import colour_vertices
 from silmesh.views import place_view
 
-RADIUS, WORKING, LARGE, VIEWS = 0.4, 64, 256, 14
-GROUND = 20
+WORKING, LARGE, VIEWS = 64, 256, 14
 MESH = trimesh.creation.icosphere(3, RADIUS)
 
 
@@ -29,26 +29,6 @@ def paint(points):
     return np.stack([130 + 50 * x, 130 + 50 * y, 130 + 50 * z], axis=1) + fine[:, None]
 
 
-def meet(cameras, i):
-    """Which pixels' rays meet the ball [height, width], and where [n, 3]."""
-    width, height = cameras.sizes[i].tolist()
-    v, u = np.mgrid[:height, :width] + 0.5
-    K, R, eye = (np.asarray(part[i]) for part in (cameras.K, cameras.R, cameras.centres))
-    rays = np.stack([u, v, np.ones_like(u)], axis=-1) @ np.linalg.inv(K).T @ R
-    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
-    along = rays @ eye
-    square = along**2 - (eye @ eye - RADIUS**2)
-    shown = square > 0
-    return shown, eye - (along[shown] + np.sqrt(square[shown]))[:, None] * rays[shown]
-
-
-def draw(cameras, i):
-    shown, points = meet(cameras, i)
-    image = np.full((*shown.shape, 3), GROUND, np.uint8)
-    image[shown] = paint(points).round().clip(0, 255)
-    return image
-
-
 class Ball:
     """Photographs of the ball in a folder, which a test may spoil."""
 
@@ -56,7 +36,7 @@ class Ball:
         self.cameras, large = dome(views, WORKING), dome(views, LARGE)
         self.files = [folder / f"{name}.png" for name in self.cameras.views]
         for i, file in enumerate(self.files):
-            Image.fromarray(draw(large, i)).save(file)
+            Image.fromarray(draw(large, i, paint)).save(file)
         self.silhouettes = np.stack([meet(self.cameras, i)[0] for i in range(views)])
 
     def originals(self, cameras=None):
