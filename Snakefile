@@ -15,7 +15,7 @@ from silmesh.planning.plan import Plan
 from silmesh.planning.provenance import code_digest as digest_code
 from silmesh.planning.provenance import file_digest, read_digest
 from silmesh.settings.cameras import Features, Matches, Reconstruction
-from silmesh.settings.fit import AUTO, SoftRasFit, is_photometric
+from silmesh.settings.fit import AUTO, SoftRasFit
 from silmesh.settings.silhouettes import FOREGROUND_MODELS, WEIGHTS
 from silmesh.settings.train import TRAINED
 from silmesh.synthetic.layout import is_promised, photograph_names, promised_files

@@ -55,12 +55,22 @@ def test_a_runs_stages_are_named_by_what_they_depend_on(plan):
     }
 
 
+def matched(plan: Plan, kind: str, wanted: bool, names: str = "abcx") -> list[str]:
+    """Which of some variants' folders a rule for those of a kind, or for all others, makes."""
+    return [v for v in names if re.match(f"({plan.variants(kind, wanted)})/mesh", f"{v}/mesh")]
+
+
 def test_a_variant_has_a_texture_as_it_or_the_run_says(plan):
     made = plan("a: {}, b: {texture: {size: 0}}, c: {texture: {size: 512}}")
-    assert [made.variants(textured) for textured in (True, False)] == ["c", "a|b"]
+    assert [matched(made, "textured", w) for w in (True, False)] == [["c"], ["a", "b", "x"]]
     made = plan("a: {}, b: {texture: {size: 0}}", more="texture: {size: auto}")
-    assert [made.variants(textured) for textured in (True, False)] == ["a", "b"]
-    assert not re.fullmatch(plan("a: {}").variants(textured=True), "a")
+    assert [matched(made, "textured", w) for w in (True, False)] == [["a"], ["b", "c", "x"]]
+    assert matched(plan("a: {}"), "textured", True) == []
+
+
+def test_photographs_have_a_say_where_a_variant_says_so(plan):
+    made = plan("a: {}, b: {fit: {preset: fast, photometric: auto}}")
+    assert [matched(made, "photometric", w) for w in (True, False)] == [["b"], ["a", "c", "x"]]
 
 
 @pytest.mark.parametrize("size", [63, 8193, "large", "true", -1])

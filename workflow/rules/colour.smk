@@ -15,7 +15,7 @@ rule colour:
     benchmark:
         "logs/colour/{object}-{variant}.tsv"
     wildcard_constraints:
-        variant=plan.variants(textured=False),
+        variant=plan.variants("textured", False),
     params:
         code=code_digest("silmesh.steps.colour"),
     message:

@@ -221,20 +221,10 @@ def fit_settings(wildcards):
     return fit.model_dump_json(exclude={"photometric"})
 
 
-def variants_with(photometric):
-    """A pattern of the variants whose photographs have a say in the mesh, or of all others."""
-    names = [
-        name
-        for name, variant in plan.config.variants.items()
-        if is_photometric(variant.fit) == photometric
-    ]
-    return "|".join(names) or "(?!)"
-
-
 def relief_inputs(wildcards, *kinds):
     """What is known of a mesh in which photographs have a say; nothing of another."""
     w, files = wildcards, {"relief": "relief.json", "standing": "standing.npy"}
-    if not is_photometric(plan.run(w.object, w.variant).settings.fit):
+    if not plan.run(w.object, w.variant).photometric:
         return {}
     return {kind: f"results/{w.object}/{w.variant}/{files[kind]}" for kind in kinds}
 
@@ -433,7 +423,7 @@ def stages_of(run):
         "metrics": f"evaluate/{object_}-{run.variant}",
         "pictures": f"picture/{object_}-{run.variant}",
     }
-    if is_photometric(run.settings.fit):
+    if run.photometric:
         files["photo-consistency"] = f"relief/{object_}-{run.variant}"
     return {stage: f"logs/{file}.tsv" for stage, file in files.items()}
 

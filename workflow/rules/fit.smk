@@ -16,7 +16,7 @@ rule fit:
     benchmark:
         "logs/fit/{object}-{variant}.tsv"
     wildcard_constraints:
-        variant=variants_with(photometric=False),
+        variant=plan.variants("photometric", False),
     threads: max(1, workflow.cores // len(plan.runs))
     params:
         settings=fit_settings,
@@ -43,4 +43,4 @@ use rule fit as fit_outlines with:
         loss="results/{object}/{variant}/loss.csv",
         notes="results/{object}/{variant}/fit.json",
     wildcard_constraints:
-        variant=variants_with(photometric=True),
+        variant=plan.variants("photometric", True),

@@ -20,7 +20,7 @@ rule relief:
     benchmark:
         "logs/relief/{object}-{variant}.tsv"
     wildcard_constraints:
-        variant=variants_with(photometric=True),
+        variant=plan.variants("photometric", True),
     threads: max(1, workflow.cores // len(plan.runs))
     params:
         settings=fit_settings,

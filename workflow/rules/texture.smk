@@ -23,7 +23,7 @@ rule texture:
     benchmark:
         "logs/texture/{object}-{variant}.tsv"
     wildcard_constraints:
-        variant=plan.variants(textured=True),
+        variant=plan.variants("textured", True),
     threads: max(1, workflow.cores // len(plan.runs))
     params:
         settings=lambda w: settings(plan.run(w.object, w.variant).settings.texture),

@@ -41,6 +41,7 @@ from silmesh.planning.feasible import (
 )
 from silmesh.reading import is_array
 from silmesh.report.published import check_published
+from silmesh.settings.fit import is_photometric
 from silmesh.settings.init import mesh_file
 from silmesh.settings.section import NAME, Section
 from silmesh.settings.silhouettes import FOREGROUND_MODELS, Networks, weights_file
@@ -201,6 +202,11 @@ class Run:
     def textured(self) -> bool:
         """Whether the mesh gets a texture, and not colours of its vertices alone."""
         return self.settings.texture.wanted
+
+    @property
+    def photometric(self) -> bool:
+        """Whether photographs have a say in the fitted mesh."""
+        return is_photometric(self.settings.fit)
 
     @property
     def policy(self) -> str:
@@ -374,10 +380,15 @@ class Plan:
         found = {name: "|".join(map(re.escape, sorted(v))) or NEVER for name, v in names.items()}
         return found | {"object": NAME, "variant": NAME, "weights": "|".join(FOREGROUND_MODELS)}
 
-    def variants(self, textured: bool) -> str:
-        """A regular expression of the variants with a texture, or of those without."""
-        names = {run.variant for run in self.runs if run.textured == textured}
-        return "|".join(map(re.escape, sorted(names))) or NEVER
+    def variants(self, kind: str, wanted: bool) -> str:
+        """A regular expression of the variants of a kind, or of all others, made by us or not.
+
+        Args:
+            kind: an attribute of the runs, ``textured`` or ``photometric``
+        """
+        names = {run.variant for run in self.runs if getattr(run, kind)}
+        chosen = "|".join(map(re.escape, sorted(names))) or NEVER
+        return chosen if wanted else f"(?!(?:{chosen})/){NAME}"
 
     def spares(self, object_: str, key: str) -> bool:
         """Whether no run with these silhouettes needs every one of them."""
