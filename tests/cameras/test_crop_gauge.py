@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import torch
+from cropping import crop_to_box
 from trimesh.creation import box as make_box
 from trimesh.creation import icosphere as make_icosphere
 from trimesh.transformations import random_rotation_matrix
@@ -48,17 +49,6 @@ def make_body(seed):
     points = body.vertices - body.bounds.mean(axis=0)
     points = points / np.linalg.norm(points, axis=1).max() / 2
     return torch.tensor(np.asarray(points)), torch.tensor(np.asarray(body.faces))
-
-
-def crop(cameras, points, margin=0.06):
-    """Cameras of squares about the object's box, scaled to the images."""
-    seen = cameras.project(points)
-    low, high = seen.amin(dim=1), seen.amax(dim=1)
-    scale = SIZE / ((high - low).amax(dim=1) * (1 + 2 * margin))
-    maps = torch.eye(3, dtype=torch.float64).repeat(len(cameras), 1, 1)
-    maps[:, 0, 0] = maps[:, 1, 1] = scale
-    maps[:, :2, 2] = SIZE / 2 - (low + high) / 2 * scale[:, None]
-    return cameras.in_pixels_of(maps, cameras.sizes)
 
 
 def render(cameras, body):
@@ -108,7 +98,7 @@ def measure_errors(seed):
     """Errors of elevation and half angle in said deviations, of a made-up body cropped to 64."""
     rng = np.random.default_rng(seed)
     elevation, body = rng.uniform(5, 40), make_body(seed)
-    cropped = crop(stand(COUNT, elevation, rng.uniform(1.8, 3.5)), body[0])
+    cropped, _, _ = crop_to_box(stand(COUNT, elevation, rng.uniform(1.8, 3.5)), body[0])
     attempt = attempt_calibration(render(cropped, body), cropped.views, step=360 / COUNT)
     assert len(attempt.figures["crops"]) == COUNT
     focal = np.exp(np.log(cropped.K[:, 0, 0].numpy()).mean())
@@ -126,7 +116,7 @@ def test_the_truth_lies_within_what_is_said_of_it():
 @pytest.mark.slow
 def test_steps_that_are_not_even_are_found_with_crops():
     body, told = make_body(505), []
-    cropped = crop(stand(16, 20.0, 2.2, uneven=4.0), body[0])
+    cropped, _, _ = crop_to_box(stand(16, 20.0, 2.2, uneven=4.0), body[0])
     silhouettes = render(cropped, body)
     attempt = attempt_calibration(silhouettes, cropped.views, step=22.5, progress=told.append)
     assert told == sorted(told)
@@ -140,7 +130,7 @@ def test_steps_that_are_not_even_are_found_with_crops():
 
 def test_crops_that_cut_the_object_are_told_or_refused():
     body = make_body(503)
-    cropped = crop(stand(COUNT, 15.0, 2.2), body[0], margin=-0.15)
+    cropped, _, _ = crop_to_box(stand(COUNT, 15.0, 2.2), body[0], margin=-0.15)
     attempt = attempt_calibration(render(cropped, body), cropped.views, step=30.0)
     said = attempt.refusal or "; ".join(attempt.warnings)
     assert "the silhouettes lie along opposite edges of their photographs" in said

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import torch
+from cropping import crop_to_box
 from trimesh.creation import icosphere as make_icosphere
 
 from silmesh.cameras.attempt import FILE, Attempt
@@ -35,17 +36,6 @@ def stand(count, elevation=15.0):
     angles = 360 / count * torch.arange(count, dtype=torch.float64)
     names = [f"v{i:02d}" for i in range(count)]
     return orbit_cameras(names, SIZE, 2.2 * same, elevation * same, angles)
-
-
-def crop_to_box(cameras, points, margin=0.06):
-    """Cameras of squares about the object's box, scaled to the images, and the scales."""
-    seen = cameras.project(points)
-    low, high = seen.amin(dim=1), seen.amax(dim=1)
-    scale = SIZE / ((high - low).amax(dim=1) * (1 + 2 * margin))
-    maps = torch.eye(3, dtype=torch.float64).repeat(len(cameras), 1, 1)
-    maps[:, 0, 0] = maps[:, 1, 1] = scale
-    maps[:, :2, 2] = SIZE / 2 - (low + high) / 2 * scale[:, None]
-    return cameras.in_pixels_of(maps, cameras.sizes), scale.numpy(), maps[:, :2, 2].numpy()
 
 
 def render(cameras, bear):
