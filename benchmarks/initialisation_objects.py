@@ -7,7 +7,7 @@ about 24 views of one round in the order in which the turntable turned, and ``ca
 are the right cameras of these images. Of what is made up or scanned there is ``truth.ply`` as well.
 What is there already is left.
 
-six made-up, bowl, gap    rendered from 10 degrees above
+six made-up, a bowl       rendered from 10 degrees above
 blue_cup, shampoo         scans, rendered from 10 degrees above
 moisturiser               ALOI: every third photograph, cameras by ``calibrate`` from all 72
 shapenet_plane            the renders from 30 degrees above, cameras as given
@@ -24,7 +24,7 @@ from pathlib import Path
 import numpy as np
 import torch
 from PIL import Image
-from rendered import SOLIDS, Case, make_truth, take, two_rings
+from rendered import Case, make_truth, take, two_rings
 
 import silmesh
 from silmesh.cameras.turntable import orbit_cameras
@@ -35,6 +35,7 @@ from silmesh.synthetic.layout import OBJECTS
 SIZE, VIEWS = 256, 24
 ELEVATION = 10.0  # degrees, about ALOI's
 PLANE_ELEVATION = 30  # one of the five of the renders
+HOLLOW = "bowl"  # of those that rendered.py makes
 SCANS = ("blue_cup", "shampoo")
 WHITE = 255
 
@@ -73,7 +74,7 @@ def main() -> None:
     args.add_argument("--data", type=Path, required=True, help="folder of scans and photographs")
     args.add_argument("--output", type=Path, default=Path("resources/benchmark"))
     given = args.parse_args()
-    for name in [*OBJECTS, *SOLIDS, *SCANS]:
+    for name in [*OBJECTS, HOLLOW, *SCANS]:
         _make(given.output / name, lambda to, name=name: _render(name, given.data / "scans", to))
     _make(given.output / "shapenet_plane", lambda to: _unpack(given.data / "shapenet_plane", to))
     for name, taken in TAKEN.items():
@@ -90,7 +91,7 @@ def _make(folder: Path, make: Callable[[Path], None]) -> None:
 def _render(name: str, scans: Path, folder: Path) -> None:
     """Photographs of a made-up or a scanned object."""
     truth = make_truth(name, scans)
-    case = Case(name, "pattern" if name in SOLIDS else "own", (ELEVATION,))
+    case = Case(name, "pattern" if name == HOLLOW else "own", (ELEVATION,))
     take(case, truth, two_rings(case.rings, SIZE, VIEWS), folder)
     truth.export(folder / "truth.ply")
 
