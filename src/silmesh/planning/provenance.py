@@ -27,6 +27,7 @@ SETTINGS = f"{PACKAGE}.settings."  # the modules whose classes hold what a step 
 DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 
 
+@cache  # every job of a rule asks
 def code_digest(module: str, source: Path = SOURCE) -> str:
     """Digest of a module of this package and of all that it imports from the package.
 
@@ -65,8 +66,9 @@ def read_digest(files: Iterable[Path | str]) -> str:
     """
     digest = hashlib.sha256()
     for file in files:
-        row = split_row(file)  # of an archive: which, is among what the step is told
-        digest.update(_state_of(os.fspath(row[0] if row else file)))
+        path = os.fspath(file)
+        row = split_row(path)  # of an archive: which, is among what the step is told
+        digest.update(_state_of(os.fspath(row[0]) if row else path))
     return digest.hexdigest()[:16]
 
 
@@ -76,7 +78,8 @@ def _state_of(file: str) -> bytes:
     try:
         status = os.stat(file)
         if stat.S_ISREG(status.st_mode) and status.st_size <= SMALL:
-            return hashlib.sha256(Path(file).read_bytes()).digest()
+            with open(file, "rb", buffering=0) as opened:
+                return hashlib.sha256(opened.read()).digest()
         target = os.path.realpath(file) if os.path.islink(file) else ""
         said = f"{status.st_size} {status.st_mtime_ns} {target}"
     except OSError as error:
