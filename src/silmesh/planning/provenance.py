@@ -61,18 +61,26 @@ def read_digest(files: Iterable[Path | str]) -> str:
     """Digest of the state of files that a person gave: 16 hexadecimal digits.
 
     A small file's is its content. Of a large one, too slow to be read each time, it is the size,
-    the time of its last change in nanoseconds, and, where it is a link, what that leads to. Each
-    file is looked at once in the life of this process.
+    the time of its last change in nanoseconds, and, where it is a link, what that leads to. The
+    same files are looked at once in the life of this process.
     """
-    digest = hashlib.sha256()
-    for file in files:
-        path = os.fspath(file)
-        row = split_row(path)  # of an archive: which, is among what the step is told
-        digest.update(_state_of(os.fspath(row[0]) if row else path))
-    return digest.hexdigest()[:16]
+    return _digest_files(tuple(map(os.fspath, files)))
+
+
+def text_digest(text: str) -> str:
+    """Digest of a text that is too long to be kept beside each result: 16 hexadecimal digits."""
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 @cache
+def _digest_files(files: tuple[str, ...]) -> str:
+    digest = hashlib.sha256()
+    for file in files:
+        row = split_row(file)  # of an archive: which, is among what the step is told
+        digest.update(_state_of(os.fspath(row[0]) if row else file))
+    return digest.hexdigest()[:16]
+
+
 def _state_of(file: str) -> bytes:
     """A file's state as 32 bytes; a step says what is wrong with one that is not there."""
     try:
