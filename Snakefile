@@ -2,6 +2,7 @@
 
 import logging
 import sys
+from inspect import signature
 from pathlib import Path
 from shlex import quote
 
@@ -13,7 +14,7 @@ from silmesh.planning.lock import BusyError, begin_run, end_with_parent
 from silmesh.planning.places import try_places
 from silmesh.planning.plan import Plan
 from silmesh.planning.provenance import code_digest as digest_code
-from silmesh.planning.provenance import file_digest, read_digest
+from silmesh.planning.provenance import file_digest, read_digest, text_digest
 from silmesh.settings.cameras import Features, Matches, Reconstruction
 from silmesh.settings.fit import AUTO, SoftRasFit
 from silmesh.settings.silhouettes import FOREGROUND_MODELS, WEIGHTS
@@ -30,17 +31,11 @@ logging.raiseExceptions = False
 # Where the command `silmesh` runs this, it ends with the command.
 end_with_parent()
 
-# What is left of a run; any of it that is lost is made again.
-RESULTS = (
-    "mesh.ply",
-    "mesh.obj",
-    "mesh.glb",
-    "cameras.json",
-    "loss.csv",
-    "metrics.json",
-)
+# What is left of a run and asked for by no other rule; any of it that is lost is made again. A file
+# that is asked for twice is looked for twice, which many objects feel.
+RESULTS = ("mesh.glb",)
 # Beside the mesh of a run with a texture.
-COMPANIONS = ("mesh.mtl", "mesh.png", "coloured.ply", "texture.json")
+COMPANIONS = ("mesh.obj", "mesh.mtl", "mesh.png")
 
 
 # Read strictly first: Snakemake would take the last of two equal keys in silence.
@@ -129,3 +124,10 @@ include: "workflow/rules/colour.smk"
 include: "workflow/rules/texture.smk"
 include: "workflow/rules/evaluate.smk"
 include: "workflow/rules/report.smk"
+
+
+# Snakemake asks for a function's parameters again for every job, and Python finds them anew each
+# time unless they stand at the function.
+for made_by in workflow.rules:
+    for told in filter(callable, made_by.params):
+        told.__signature__ = signature(told)

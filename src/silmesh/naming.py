@@ -56,9 +56,11 @@ def order_photographs(files: Iterable[Path]) -> list[Path]:
 
 def _folders_apart(files: Sequence[Path]) -> list[tuple[str, ...]]:
     """The folders of each file below the one that holds them all."""
-    parents = [os.path.dirname(os.path.abspath(file)) for file in files]
-    shared = os.path.commonpath(parents) if parents else ""
-    return [Path(os.path.relpath(parent, shared)).parts for parent in parents]
+    own = [os.path.dirname(file) for file in files]
+    parents = {folder: os.path.abspath(folder) for folder in own}
+    shared = os.path.commonpath(parents.values()) if parents else ""
+    apart = {f: Path(os.path.relpath(parent, shared)).parts for f, parent in parents.items()}
+    return [apart[folder] for folder in own]
 
 
 def _refuse_equal(files: Sequence[Path], names: Sequence[str]) -> None:
@@ -85,8 +87,9 @@ def photograph_stems(mask: Path) -> list[str]:
 
 def _strip(stem: str) -> str | None:
     """A mask's stem without what tells that it is one; None if nothing does."""
-    if Path(stem).suffix.lower() in SUFFIXES:
-        return Path(stem).stem
+    before, _, ending = stem.rpartition(".")
+    if before and f".{ending}".lower() in SUFFIXES:
+        return before
     marked = MARKED.fullmatch(stem)
     return marked and (marked[1] or marked[2])
 
@@ -113,17 +116,21 @@ def _is_mask_folder(name: str) -> bool:
 def _masks_beside(files: Sequence[Path]) -> set[Path]:
     """The masks of photographs among the files of a folder."""
     stems = {file.stem for file in files}
-    targets = {f: next((s for s in photograph_stems(f)[1:] if s in stems), None) for f in files}
-    paired = {file: stem for file, stem in targets.items() if stem}
+    others = {file: named for file in files if (named := photograph_stems(file)[1:])}
+    paired = {f: stem for f, named in others.items() if (stem := _first_in(stems, named))}
     manners = {file.stem.replace(stem, "*", 1) for file, stem in paired.items()}
     masked = set(paired.values())
     spare = {
         file
-        for file in files
+        for file, named in others.items()
         if file.stem not in masked
-        and any(file.stem.replace(s, "*", 1) in manners for s in photograph_stems(file)[1:])
+        and any(file.stem.replace(stem, "*", 1) in manners for stem in named)
     }
     return set(paired) | spare
+
+
+def _first_in(stems: set[str], named: Sequence[str]) -> str | None:
+    return next((stem for stem in named if stem in stems), None)
 
 
 def match_masks(images: Sequence[Path], masks: Sequence[Path]) -> tuple[list[Path], list[Path]]:

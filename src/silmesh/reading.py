@@ -115,7 +115,9 @@ def is_array(path: Path | str) -> bool:
 
 def split_row(path: Path | str) -> tuple[Path, int] | None:
     """The ``.npz`` and the row that a path stands for; None if it is of another kind."""
-    found = re.fullmatch(r"(.+\.npz)#(\d{1,9})", str(path), re.ASCII | re.DOTALL)
+    if f"{ARCHIVE}#" not in (text := str(path)):  # as nearly always
+        return None
+    found = re.fullmatch(r"(.+\.npz)#(\d{1,9})", text, re.ASCII | re.DOTALL)
     return (Path(found[1]), int(found[2])) if found else None
 
 

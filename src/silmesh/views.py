@@ -5,6 +5,7 @@ black; ``stretch`` fills the square, as the report does.
 """
 
 import json
+import os
 import re
 import warnings
 from collections import Counter
@@ -159,7 +160,14 @@ def list_masks(pattern: Path, images: Sequence[Path]) -> list[Path]:
 
 def images_in(folder: Path) -> list[Path]:
     """The image files of a folder, in no order; hidden ones are left out."""
-    return [path for path in folder.iterdir() if is_image(path) and path.is_file()]
+    with os.scandir(folder) as entries:
+        found = [(folder / entry.name, entry) for entry in entries]
+    return [path for path, entry in found if is_image(path) and _is_file(path, entry)]
+
+
+def _is_file(path: Path, entry: os.DirEntry) -> bool:
+    """Whether an entry of a folder is a file, which the listing itself says of all but links."""
+    return path.is_file() if entry.is_symlink() else entry.is_file()
 
 
 def is_image(path: Path) -> bool:

@@ -53,6 +53,8 @@ def made(files):
 
 def is_made(file):
     """Whether a file is the workflow's own and not one that a person gave."""
+    if not str(file).startswith(("results/", "resources/")):  # as nearly every one
+        return False
     fetched = file.parent == WEIGHTS and file.stem in FOREGROUND_MODELS
     ours = fetched or Path("results") in file.parents
     return ours or is_promised(file) or file in promised_files(file.parent)
@@ -75,8 +77,11 @@ def fewest_photographs(wildcards):
 
 
 def settings(section):
-    """The settings of a stage as a rule's parameter, by which its step is run again: JSON."""
-    return section.model_dump_json()
+    """The settings of a stage as a rule's parameter, by which its step is run again: JSON.
+
+    A text that many jobs are told is kept once.
+    """
+    return sys.intern(section.model_dump_json())
 
 
 def with_stage(stage):
@@ -125,7 +130,7 @@ def silhouettes_settings(wildcards):
     """Those of the network, if the silhouettes come from one."""
     run = with_silhouettes(wildcards)
     own = {run.silhouettes} if run.network else set()
-    return run.settings.model_dump_json(include=own)
+    return sys.intern(run.settings.model_dump_json(include=own))
 
 
 def spare(wildcards):
@@ -218,7 +223,7 @@ def fit_inputs(wildcards):
 def fit_settings(wildcards):
     """Those of a run's fit, whatever follows on it."""
     fit = plan.run(wildcards.object, wildcards.variant).settings.fit
-    return fit.model_dump_json(exclude={"photometric"})
+    return sys.intern(fit.model_dump_json(exclude={"photometric"}))
 
 
 def relief_inputs(wildcards, *kinds):
@@ -428,10 +433,13 @@ def stages_of(run):
     return {stage: f"logs/{file}.tsv" for stage, file in files.items()}
 
 
+REPORT_PLAN_TEXT = json.dumps(report_plan(), indent=1) + "\n"
+
+
 def write_report_plan():
     """Write what the page is told: a command line has no room for hundreds of runs."""
     with replacing(REPORT_PLAN) as part:
-        part.write_text(json.dumps(report_plan(), indent=1) + "\n")
+        part.write_text(REPORT_PLAN_TEXT, encoding="utf-8")
 
 
 def tell_unused():

@@ -153,7 +153,7 @@ rule conclude:
     log:
         "logs/conclude.log",
     params:
-        told=report_plan(),
+        told=text_digest(REPORT_PLAN_TEXT),
         plan=REPORT_PLAN,
         code=code_digest("silmesh.steps.conclude"),
     message:
@@ -199,7 +199,7 @@ rule page:
     log:
         "logs/report.log",
     params:
-        told=report_plan(),
+        told=text_digest(REPORT_PLAN_TEXT),
         plan=REPORT_PLAN,
         read=given_digest(published()),
         code=code_digest("silmesh.steps.report"),

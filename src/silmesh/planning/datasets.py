@@ -246,16 +246,18 @@ def usable(path: Path) -> Path:
     Raises:
         InputError: it has something that Snakemake or a text file cannot hold
     """
-    if set("{}") & set(str(path)):
+    text = str(path)
+    if "{" in text or "}" in text:
         raise InputError(f"{path}: a path with '{{' or '}}' cannot be used: Snakemake's wildcards")
-    longest = max((len(os.fsencode(part)) for part in path.parts), default=0)
-    if longest > LONGEST_NAME or len(str(path)) > LONGEST_PATH:
-        raise InputError(
-            f"{shorten(str(path))}: is a path of {len(str(path))} characters with a name of "
-            f"{longest}; should be at most {LONGEST_PATH} and {LONGEST_NAME}"
-        )
-    if bad := re.search(UNPRINTABLE, str(path)):
-        raise InputError(f"{str(path)!r}: a path with {bad[0]!r} cannot be used; rename it")
+    if len(whole := os.fsencode(text)) > LONGEST_NAME:
+        longest = max(map(len, whole.split(b"/")))
+        if longest > LONGEST_NAME or len(text) > LONGEST_PATH:
+            raise InputError(
+                f"{shorten(text)}: is a path of {len(text)} characters with a name of "
+                f"{longest}; should be at most {LONGEST_PATH} and {LONGEST_NAME}"
+            )
+    if not text.isprintable() and (bad := re.search(UNPRINTABLE, text)):
+        raise InputError(f"{text!r}: a path with {bad[0]!r} cannot be used; rename it")
     return path
 
 

@@ -75,8 +75,9 @@ def has_matting() -> bool:
 
 
 def _refuse_opaque(silhouettes: str, images: tuple[Path, ...]) -> None:
-    opaque = [image for image in images if image.suffix.lower() in OPAQUE]
-    if silhouettes == "alpha" and opaque:
+    if silhouettes != "alpha":
+        return
+    if opaque := [image for image in images if image.suffix.lower() in OPAQUE]:
         raise InputError(
             f"{opaque[0]}: silhouettes are 'alpha', but {opaque[0].suffix} has no alpha channel; "
             "should be PNG, TIFF or WebP, or silhouettes another source"

@@ -27,6 +27,7 @@ SETTINGS = f"{PACKAGE}.settings."  # the modules whose classes hold what a step 
 DOCUMENTED = ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef
 
 
+@cache  # every job of a rule asks
 def code_digest(module: str, source: Path = SOURCE) -> str:
     """Digest of a module of this package and of all that it imports from the package.
 
@@ -60,23 +61,33 @@ def read_digest(files: Iterable[Path | str]) -> str:
     """Digest of the state of files that a person gave: 16 hexadecimal digits.
 
     A small file's is its content. Of a large one, too slow to be read each time, it is the size,
-    the time of its last change in nanoseconds, and, where it is a link, what that leads to. Each
-    file is looked at once in the life of this process.
+    the time of its last change in nanoseconds, and, where it is a link, what that leads to. The
+    same files are looked at once in the life of this process.
     """
-    digest = hashlib.sha256()
-    for file in files:
-        row = split_row(file)  # of an archive: which, is among what the step is told
-        digest.update(_state_of(os.fspath(row[0] if row else file)))
-    return digest.hexdigest()[:16]
+    return _digest_files(tuple(map(os.fspath, files)))
+
+
+def text_digest(text: str) -> str:
+    """Digest of a text that is too long to be kept beside each result: 16 hexadecimal digits."""
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 @cache
+def _digest_files(files: tuple[str, ...]) -> str:
+    digest = hashlib.sha256()
+    for file in files:
+        row = split_row(file)  # of an archive: which, is among what the step is told
+        digest.update(_state_of(os.fspath(row[0]) if row else file))
+    return digest.hexdigest()[:16]
+
+
 def _state_of(file: str) -> bytes:
     """A file's state as 32 bytes; a step says what is wrong with one that is not there."""
     try:
         status = os.stat(file)
         if stat.S_ISREG(status.st_mode) and status.st_size <= SMALL:
-            return hashlib.sha256(Path(file).read_bytes()).digest()
+            with open(file, "rb", buffering=0) as opened:
+                return hashlib.sha256(opened.read()).digest()
         target = os.path.realpath(file) if os.path.islink(file) else ""
         said = f"{status.st_size} {status.st_mtime_ns} {target}"
     except OSError as error:
