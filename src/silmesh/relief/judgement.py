@@ -6,8 +6,10 @@ what they show is compared with what the photograph shows, by PSNR of the colour
 cross-correlation (NCC) of the brightness in small blocks. A surface in the wrong place looks up the
 wrong colours. Only what the refinement moved is judged; the rest is the same for both.
 
-Where they confirm it, the surface is refined once more by all photographs, those included, and that
-surface is taken if it passes the same judgement, which is no independent one then.
+A first, coarse surface is judged in the same way: where it predicts nothing better, by neither
+measure, a finer one is not tried. Where the photographs confirm the finer one, the surface is
+refined once more by all photographs, those included, and that surface is taken if it passes the
+same judgement, which is no independent one then.
 """
 
 import time
@@ -26,7 +28,7 @@ from silmesh.geometry.silhouette_iou import silhouette_iou
 from silmesh.geometry.undistortion import sample
 from silmesh.progress import Share, untold, within
 from silmesh.relief.free_space import Grid
-from silmesh.relief.refinement import Relief, refine
+from silmesh.relief.refinement import Doubt, Relief, refine
 from silmesh.relief.surface import STANDINGS, judge_standing
 
 HELD = 6  # every so many-th photograph is kept out
@@ -37,6 +39,7 @@ FLAT = 2.0  # grey levels: a block or a photograph that varies less shows nothin
 MOVED = 0.002  # of the mesh's size: a surface that is so much nearer or farther is another
 LEAST = 100  # pixels that must have moved to be judged
 GAIN = 0.5  # dB that is better: wrong surfaces that glossy objects suggested gained up to 0.31
+HINT = 0.1, 0.02  # dB, or NCC, that a coarse surface has to gain for a finer one to be tried
 LOST = 0.001  # of the silhouettes' IoU that may be lost
 LIFT = 1e-4  # of the mesh's size: rays start so far above the surface
 
@@ -91,7 +94,8 @@ def refine_if_better(
     held = views[HELD - 1 :: HELD]
     used = [view for view in views if view not in held]
     scene = _Scene(mesh, originals, silhouettes, cameras, sigma, frames, mend)
-    relief = by(mesh, originals, silhouettes, cameras, used, seed, within(progress, 0, 0.5))
+    given = mesh, originals, silhouettes, cameras
+    relief = by(*given, used, seed, within(progress, 0, 0.7), None, scene.doubt_by(held, used))
     notes = {"held_out": [cameras.views[i] for i in held], "refinement": relief.notes}
     if not relief.changed:
         return _stay(mesh, before, str(relief.notes["reason"]), notes, started)
@@ -99,7 +103,7 @@ def refine_if_better(
     notes |= first.notes
     if not first.better:
         return _stay(mesh, before, first.why, notes, started)
-    relief = by(mesh, originals, silhouettes, cameras, views, seed, within(progress, 0.5, 1))
+    relief = by(*given, views, seed, within(progress, 0.7, 1), relief.found)
     whole = _judge(relief, scene, held, used) if relief.changed else first
     taken = whole if whole.better else first
     notes["by_all"] = {"taken": taken is not first, "because": whole.why, **whole.notes}
@@ -123,6 +127,15 @@ class _Scene:
         """Mean IoU with the silhouettes."""
         told = self.cameras, self.silhouettes, self.sigma, self.frames
         return float(silhouette_iou(*to_tensors(mesh), *told).mean())
+
+    def doubt_by(self, held: Sequence[int], used: Sequence[int]) -> Doubt:
+        """Why a coarse surface is a hint at nothing better, as ``refine`` asks for it."""
+
+        def doubt(surface: trimesh.Trimesh) -> str:
+            seen = compare(self.mesh, surface, self.originals, self.silhouettes, held, used)
+            return _find_no_hint(seen)
+
+        return doubt
 
 
 @dataclass(frozen=True)
@@ -370,6 +383,19 @@ def _decide(iou: dict[str, float], seen: dict[str, Any]) -> tuple[str, bool]:
     if after - before < GAIN or not fits:
         return f"{said}, not better enough than {before:.2f} dB before", False
     return f"{said}, {before:.2f} dB before", True
+
+
+def _find_no_hint(seen: dict[str, Any]) -> str:
+    """Why a coarse surface does not promise a better one; "" if it does, or if nothing can tell."""
+    if seen["moved"] < LEAST or seen["ncc"]["before"] is None:
+        return ""
+    gains = [seen[measure]["after"] - seen[measure]["before"] for measure in ("psnr", "ncc")]
+    if any(gain >= least for gain, least in zip(gains, HINT, strict=True)):
+        return ""
+    return (
+        "a coarse surface by the photographs predicts those that were kept out no better than the "
+        f"outlines' surface ({gains[0]:+.2f} dB where they differ); no finer one was tried"
+    )
 
 
 def _as_written(relief: Relief) -> trimesh.Trimesh:
