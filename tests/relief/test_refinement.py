@@ -13,7 +13,7 @@ from skimage.measure import marching_cubes
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.originals import Originals
 from silmesh.geometry.visual_hull import carve
-from silmesh.relief.depths import cast_rays, find_neighbours, find_texture, sweep
+from silmesh.relief.depths import cast_rays, find_neighbours, sweep
 from silmesh.relief.refinement import Relief, _refuse, refine
 from silmesh.relief.sights import look
 from silmesh.relief.surface import PHOTOGRAPHS, simplify
@@ -115,8 +115,7 @@ def test_depths_of_a_hollow_are_the_truth(textured):
     scene = textured
     views = list(range(len(scene.cameras)))
     sights = look(scene.originals, scene.silhouettes, scene.cameras, views, 400)
-    near, textured = find_neighbours(sights), find_texture(sights)
-    found = sweep(sights, cast_rays(scene.hull, sights), textured, near, 4, seed=0)
+    found = sweep(sights, cast_rays(scene.hull, sights), find_neighbours(sights), 4, seed=0)
     true = cast_rays(scene.truth, sights).front
     hidden = (true - cast_rays(scene.hull, sights).front > 0.05) & (found.depth > 0)
     off = np.abs(found.depth - true)[hidden]

@@ -10,7 +10,7 @@ entered and where it is left. It counts where several other views found it too.
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -70,8 +70,9 @@ class Depths:
     def take(self, i: int, other: "Depths", at: int) -> None:
         """Take the i-th view's planes from another's, whose images may be padded by less."""
         height, width = other.depth.shape[1:]
-        for mine, given in zip(astuple(self), astuple(other), strict=True):
-            mine[i], mine[i, :height, :width] = 0, given[at]
+        for part in ("depth", "normals", "score"):
+            mine = getattr(self, part)
+            mine[i], mine[i, :height, :width] = 0, getattr(other, part)[at]
 
 
 class _View(NamedTuple):
@@ -79,7 +80,6 @@ class _View(NamedTuple):
 
     image: np.ndarray  # [height, width]
     mask: np.ndarray
-    rich: np.ndarray  # [height, width] bool, the pixels for which a plane is looked for
     front: np.ndarray
     rear: np.ndarray
     normals: np.ndarray  # [height, width, 3], the mesh's
@@ -155,7 +155,6 @@ def cast_rays(mesh: trimesh.Trimesh, sights: Sights) -> Rays:
 def sweep(
     sights: Sights,
     rays: Rays,
-    textured: np.ndarray,
     neighbours: list[np.ndarray],
     passes: int,
     seed: int,
@@ -163,10 +162,9 @@ def sweep(
     only: Sequence[int] | None = None,
     done: Callable[[], None] = lambda: None,
 ) -> Depths:
-    """Find the plane of every textured pixel that the mesh covers.
+    """Find the plane of every pixel that the mesh covers.
 
     Args:
-        textured: [views, height, width] bool, as ``find_texture`` gives it
         passes: over all rows, every second from the end
         start: planes of the same images at half the size, which are then only improved
         only: positions of the views whose planes are looked for; all if not given
@@ -178,10 +176,9 @@ def sweep(
     def search(i: int) -> None:
         if start is not None:
             _enlarge(start, found, i)
-        own = sights.images[i], sights.masks[i], textured[i]
-        met = rays.front[i], rays.back[i], rays.normals[i]
+        own = sights.images[i], sights.masks[i], rays.front[i], rays.back[i], rays.normals[i]
         pair = _pair(sights, i, neighbours[i])
-        view = _View(*own, *met, _inverse(sights.K[i]), sights.images, *pair)
+        view = _View(*own, _inverse(sights.K[i]), sights.images, *pair)
         planes = _Planes(found.depth[i], found.normals[i], found.score[i])
         _search(view, planes, passes, start is None, np.random.default_rng([seed, i]))
         done()
@@ -254,7 +251,7 @@ def _search(view, planes, passes, new, rng):
             for q in range(width):
                 c = q if forth else width - 1 - q
                 total, deviation = np.float32(0), 0.0
-                if view.front[r, c] > 0 and view.rich[r, c]:
+                if view.front[r, c] > 0:
                     total, deviation = gather(
                         view.image, view.mask, c, r, window.values, window.weights
                     )
@@ -390,16 +387,20 @@ def _try(view, planes, window, c, r, z, total, deviation):
         planes.normals[r, c, :] = window.normal
 
 
-def confirm(sights: Sights, found: Depths, neighbours: list[np.ndarray]) -> np.ndarray:
+def confirm(
+    sights: Sights, found: Depths, textured: np.ndarray, neighbours: list[np.ndarray]
+) -> np.ndarray:
     """How many other views found the same point, for each depth that counts: [views, h, w] uint8.
 
-    It is 0 where the photographs are hardly alike, or where fewer than CONFIRMED other views agree.
+    It is 0 where the photographs are hardly alike, where they show too little (``textured`` is as
+    ``find_texture`` gives it), or where fewer than CONFIRMED other views agree.
     """
     votes = np.zeros(found.depth.shape, np.uint8)
 
     def judge(i: int) -> None:
         pair = _pair(sights, i, neighbours[i])
-        _confirm(found.depth, found.score, i, _inverse(sights.K[i]), pair, votes[i])
+        given = found.depth, found.score, textured[i]
+        _confirm(*given, i, _inverse(sights.K[i]), pair, votes[i])
         least = int(SPECK * sights.masks[i].sum())
         _drop_specks(votes[i], found.depth[i], STEP * np.linalg.inv(sights.K[i])[0, 0], least)
 
@@ -409,12 +410,12 @@ def confirm(sights: Sights, found: Depths, neighbours: list[np.ndarray]) -> np.n
 
 
 @njit(**OPTIONS)
-def _confirm(depths, scores, view, back, pair, votes):
+def _confirm(depths, scores, textured, view, back, pair, votes):
     height, width = votes.shape
     for r in range(height):
         for c in range(width):
             z = depths[view, r, c]
-            if z <= 0 or scores[view, r, c] < ALIKE:
+            if z <= 0 or scores[view, r, c] < ALIKE or not textured[r, c]:
                 continue
             x = (back[0, 0] * c + back[0, 1] * r + back[0, 2]) * z
             y = (back[1, 1] * r + back[1, 2]) * z

@@ -194,10 +194,10 @@ class _Search:
         half = self._sights.halved()
         coarse = self._look_coarsely(half)
         self._progress(0.4)
-        votes = confirm(half, coarse, self._neighbours)
+        votes = confirm(half, coarse, find_texture(half), self._neighbours)
         first = self._solve(half, coarse, votes, Grid.over(self._mesh, FIRST))
         if first.surface is not None and (reason := doubt(first.surface)):
-            return self._stop(reason, votes)
+            return self._stop(reason)
         self._progress(0.5)
         self.planes = self._look_finely(coarse)
         return self._finish()
@@ -213,15 +213,15 @@ class _Search:
         return self._finish()
 
     def _look_coarsely(self, half: Sights, only: Sequence[int] | None = None) -> Depths:
-        rays, textured = cast_rays(self._mesh, half), find_texture(half)
-        return sweep(half, rays, textured, self._neighbours, COARSE, self._seed, None, only)
+        rays = cast_rays(self._mesh, half)
+        return sweep(half, rays, self._neighbours, COARSE, self._seed, None, only)
 
     def _look_finely(self, coarse: Depths, only: Sequence[int] | None = None) -> Depths:
-        seen = self._sights, self._rays, self._textured
-        return sweep(*seen, self._neighbours, FINE, self._seed, coarse, only)
+        near = self._neighbours
+        return sweep(self._sights, self._rays, near, FINE, self._seed, coarse, only)
 
     def _finish(self) -> Solved:
-        votes = confirm(self._sights, self.planes, self._neighbours)
+        votes = confirm(self._sights, self.planes, self._textured, self._neighbours)
         self._progress(0.8)
         solved = self._solve(self._sights, self.planes, votes, self.grid)
         if reason := _refuse(*self._share(votes)):
@@ -234,9 +234,10 @@ class _Search:
         bound = measure(self._mesh, grid)
         return solve(sights, planes, votes, bound, grid, self._masks, self._cameras)
 
-    def _stop(self, reason: str, counted: np.ndarray) -> Solved:
+    def _stop(self, reason: str, counted: np.ndarray | None = None) -> Solved:
         nowhere = np.zeros(self.grid.shape, np.float32)
-        return Solved(None, nowhere, {**self._describe(counted), "reason": reason}, reason)
+        found = {} if counted is None else self._describe(counted)
+        return Solved(None, nowhere, {**found, "reason": reason}, reason)
 
     def _describe(self, counted: np.ndarray) -> dict[str, float]:
         share, of_textured = self._share(counted)
@@ -244,8 +245,10 @@ class _Search:
 
     def _share(self, counted: np.ndarray) -> tuple[float, float]:
         """What is counted, of the pixels that see the mesh and of those that show texture."""
-        count = float((counted > 0).sum())
-        return tuple(count / max(1, pixels.sum()) for pixels in (self._covered, self._textured))
+        count = int((counted > 0).sum())
+        return tuple(
+            count / max(1, int(pixels.sum())) for pixels in (self._covered, self._textured)
+        )
 
 
 def solve(
