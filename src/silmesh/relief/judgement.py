@@ -39,6 +39,7 @@ FLAT = 2.0  # grey levels: a block or a photograph that varies less shows nothin
 MOVED = 0.002  # of the mesh's size: a surface that is so much nearer or farther is another
 LEAST = 100  # pixels that must have moved to be judged
 GAIN = 0.5  # dB that is better: wrong surfaces that glossy objects suggested gained up to 0.31
+TRIED = "one by the photographs was tried"
 HINT = 0.1, 0.02  # dB, or NCC, that a coarse surface has to gain for a finer one to be tried
 LOST = 0.001  # of the silhouettes' IoU that may be lost
 LIFT = 1e-4  # of the mesh's size: rays start so far above the surface
@@ -370,19 +371,38 @@ def _fill_outlines(scene: _Scene, new: trimesh.Trimesh) -> tuple[trimesh.Trimesh
 
 def _decide(iou: dict[str, float], seen: dict[str, Any]) -> tuple[str, bool]:
     """What to say of a refined surface, and whether it is better."""
-    fallen = iou["before"] - iou["after"]
-    if fallen > LOST:
-        return f"the silhouettes' IoU would fall by {fallen:.4f}", False
+    if iou["before"] - iou["after"] > LOST:
+        return (
+            f"{TRIED}, but it fills the outlines worse: their mean IoU would fall from "
+            f"{iou['before']:.4f} to {iou['after']:.4f}, and may fall by {LOST:g}"
+        ), False
     if seen["moved"] < LEAST:
-        return "no photograph that was kept out shows what moved", False
+        return f"{TRIED}, but no photograph that was kept out to judge it shows what moved", False
     before, after = seen["psnr"].values()
-    said = f"photographs that were kept out are predicted with {after:.2f} dB where it moves"
-    alike = seen["ncc"]["before"], seen["ncc"]["after"]
-    fits = alike[0] is None or alike[1] >= alike[0]
-    fits = fits and seen["psnr_all"]["after"] >= seen["psnr_all"]["before"]
-    if after - before < GAIN or not fits:
-        return f"{said}, not better enough than {before:.2f} dB before", False
-    return f"{said}, {before:.2f} dB before", True
+    told = f"(PSNR; {before:.2f} dB before)"
+    if after - before < GAIN:
+        return (
+            f"{TRIED}, but it predicts the photographs that were kept out to judge it with "
+            f"{after:.2f} dB where it moved {told}: too little, {GAIN:g} dB should be gained"
+        ), False
+    if worse := _name_worse(seen):
+        return f"{TRIED}, but photographs that were kept out to judge it {worse}", False
+    return (
+        f"it predicts photographs that were kept out to judge it with {after:.2f} dB where it "
+        f"moved {told}"
+    ), True
+
+
+def _name_worse(seen: dict[str, Any]) -> str:
+    """By what else photographs that were kept out are predicted worse, if so."""
+    for measure, what in (
+        ("ncc", "correlate less with it"),
+        ("psnr_all", "fit it less as a whole"),
+    ):
+        before, after = seen[measure].values()
+        if before is not None and after < before:
+            return f"{what} ({after:.2f}, {before:.2f} before)"
+    return ""
 
 
 def _find_no_hint(seen: dict[str, Any]) -> str:
@@ -393,8 +413,8 @@ def _find_no_hint(seen: dict[str, Any]) -> str:
     if any(gain >= least for gain, least in zip(gains, HINT, strict=True)):
         return ""
     return (
-        "a coarse surface by the photographs predicts those that were kept out no better than the "
-        f"outlines' surface ({gains[0]:+.2f} dB where they differ); no finer one was tried"
+        f"{TRIED}, coarsely, but it predicts the photographs that were kept out to judge it no "
+        f"better where it moved ({gains[0]:+.2f} dB PSNR)"
     )
 
 
