@@ -85,8 +85,8 @@ class Timed:
         started, worked = time.perf_counter(), time.process_time()
         self.relief = refine(*given)
         self.took = {
-            "seconds": time.perf_counter() - started,
-            "cpu_seconds": time.process_time() - worked,
+            "seconds": self.took.get("seconds", 0) + time.perf_counter() - started,
+            "cpu_seconds": self.took.get("cpu_seconds", 0) + time.process_time() - worked,
             "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024,
         }
         return self.relief

@@ -423,7 +423,8 @@ def _refuse_too_few(unreadable: Sequence[str], photographs: int, fewest: int | N
     """Refuse photographs of which so many cannot be read."""
     if fewest is None:
         raise InputError(
-            f"{unreadable[0]}. Get the file anew, or let quality.policy 'drop' go on without it"
+            f"{unreadable[0]}. Get the file anew, or let quality.policy 'drop' (in the "
+            "command: --quality drop) go on without it"
         )
     if photographs - len(unreadable) < max(fewest, 1):
         raise InputError(

@@ -38,7 +38,9 @@ def test_a_truncated_jpeg_loses_its_view_alone(fresh):
     photograph.write_bytes(photograph.read_bytes()[:-200])
     said = fresh.snakemake("results/cup/round/metrics.json")[1]  # masks are kept
     assert "cup_r90.jpg: cannot be read as an image: " in said
-    assert "Get the file anew, or let quality.policy 'drop' go on without it" in said
+    assert (
+        "Get the file anew, or let quality.policy 'drop' (in the command: --quality drop)" in said
+    )
     with open(fresh / "config/config.yaml", "a") as config:
         config.write("quality: {policy: repair}\n")
     fresh.run("results/cup/round/metrics.json")

@@ -11,9 +11,10 @@ def number_edges(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         [edges, 2] the ends of every edge, the lower index first, in rising order; and
         [faces, 3] which of these are ab, bc and ca of each face abc
     """
-    ends = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1), axis=-1)
+    after = np.roll(faces, -1, axis=1)
     stride = int(faces.max()) + 1
-    keys, of_face = np.unique(ends[..., 0] * stride + ends[..., 1], return_inverse=True)
+    keys = np.minimum(faces, after) * stride + np.maximum(faces, after)
+    keys, of_face = np.unique(keys, return_inverse=True)
     return np.stack(np.divmod(keys, stride), axis=1), of_face.reshape(-1, 3)
 
 

@@ -93,10 +93,10 @@ def collapse_short(
     """Pull the ends of every shorter edge together, where that keeps a manifold and no edge grows
     longer than ``longest`` nor a triangle tips over."""
     for _ in range(rounds):
-        edges, _ = number_edges(faces)
+        edges, of_face = number_edges(faces)
         length = _lengths(verts, edges)
         short = np.flatnonzero(length < shortest)
-        short = short[_collapsible(edges, short, faces, len(verts))]
+        short = short[_collapsible(edges, of_face, short, faces, len(verts))]
         short = edges[short[np.argsort(length[short], kind="stable")]]
         moved, onto = _collapse(verts, faces, short, longest)
         if (onto == np.arange(len(verts))).all():
@@ -129,13 +129,15 @@ def _pull(verts: Floats, edges: Ints) -> tuple[Floats, Ints]:
     return moved, onto
 
 
-def _collapsible(edges: Ints, some: Ints, faces: Ints, count: int) -> NDArray[np.bool_]:
+def _collapsible(
+    edges: Ints, of_face: Ints, some: Ints, faces: Ints, count: int
+) -> NDArray[np.bool_]:
     """Whether the ends of some edges share two neighbours and no more, which have others beside."""
     adjacent = link_ends(edges, count)
     a, b = edges[some].T
     shared = np.asarray(adjacent[a].multiply(adjacent[b]).sum(axis=1)).ravel()
     degree = np.bincount(edges.ravel(), minlength=count)
-    diamonds, _ = _diamonds(faces)
+    diamonds, _ = _diamonds(faces, of_face)
     thin = (degree[diamonds[some, 2:]] <= 3).any(axis=1)
     return (shared == 2) & ~thin
 
@@ -151,8 +153,10 @@ def _choose_apart(edges: Ints, faces: Ints, count: int) -> Ints:
 
 def _spoilt(verts: Floats, moved: Floats, faces: Ints, onto: Ints, longest: float):
     """Per vertex, whether a triangle about it tips over, or an edge grows longer than allowed."""
-    a, b, c = onto[faces].T
-    left = faces[(moved[faces] != verts[faces]).any(axis=(1, 2)) & (a != b) & (b != c) & (c != a)]
+    touched = (moved != verts).any(axis=1)
+    about = faces[touched[faces].any(axis=1)]
+    a, b, c = onto[about].T
+    left = about[(a != b) & (b != c) & (c != a)]
     before, after = _normals(verts, left), _normals(moved, left)
     scale = np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1)
     tipped = (before * after).sum(axis=1) <= UPRIGHT * scale
@@ -180,8 +184,8 @@ def flip_edges(verts: Floats, faces: Ints, passes: int = 3) -> Ints:
           d              d
     """
     for _ in range(passes):
-        edges, _ = number_edges(faces)
-        diamonds, sides = _diamonds(faces)
+        edges, of_face = number_edges(faces)
+        diamonds, sides = _diamonds(faces, of_face)
         degree = np.bincount(edges.ravel(), minlength=len(verts))
         off, turned = degree[diamonds] - 6, np.array([-1, -1, 1, 1])
         gain = (off**2).sum(axis=1) - ((off + turned) ** 2).sum(axis=1)
@@ -231,10 +235,12 @@ def relax(verts: Floats, faces: Ints, step: float = STEP) -> Floats:
     return verts + move - normals * (move * normals).sum(axis=1, keepdims=True)
 
 
-def _diamonds(faces: Ints) -> tuple[Ints, Ints]:
+def _diamonds(faces: Ints, of_face: Ints) -> tuple[Ints, Ints]:
     """About every edge, a, b, c, d of the triangles abc and bad, [edges, 4], and these two."""
-    _, of_face = number_edges(faces)
-    order = np.argsort(of_face.ravel(), kind="stable").reshape(-1, 2)
+    edge = of_face.ravel()
+    places, order = np.arange(len(edge)), np.empty((len(edge) // 2, 2), np.int64)
+    order[edge[::-1], 0] = places[::-1]  # where an edge occurs twice, the last assignment stays
+    order[edge, 1] = places
     face, side = np.divmod(order, 3)
     a, b = faces[face[:, 0], side[:, 0]], faces[face[:, 0], (side[:, 0] + 1) % 3]
     c, d = (faces[face[:, i], (side[:, i] + 2) % 3] for i in (0, 1))

@@ -8,7 +8,7 @@ pixel to pixel, over the rows and back, and are tried a little changed (Bleyer, 
 entered and where it is left. It counts where several other views found it too.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -66,6 +66,13 @@ class Depths:
     depth: np.ndarray
     normals: np.ndarray
     score: np.ndarray
+
+    def take(self, i: int, other: "Depths", at: int) -> None:
+        """Take the i-th view's planes from another's, whose images may be padded by less."""
+        height, width = other.depth.shape[1:]
+        for part in ("depth", "normals", "score"):
+            mine = getattr(self, part)
+            mine[i], mine[i, :height, :width] = 0, getattr(other, part)[at]
 
 
 class _View(NamedTuple):
@@ -152,6 +159,7 @@ def sweep(
     passes: int,
     seed: int,
     start: Depths | None = None,
+    only: Sequence[int] | None = None,
     done: Callable[[], None] = lambda: None,
 ) -> Depths:
     """Find the plane of every pixel that the mesh covers.
@@ -159,6 +167,7 @@ def sweep(
     Args:
         passes: over all rows, every second from the end
         start: planes of the same images at half the size, which are then only improved
+        only: positions of the views whose planes are looked for; all if not given
         done: is called after each view
     """
     shape = sights.images.shape
@@ -175,7 +184,7 @@ def sweep(
         done()
 
     with ThreadPoolExecutor(torch.get_num_threads()) as pool:
-        list(pool.map(search, range(shape[0])))
+        list(pool.map(search, range(shape[0]) if only is None else only))
     return found
 
 
@@ -378,18 +387,20 @@ def _try(view, planes, window, c, r, z, total, deviation):
         planes.normals[r, c, :] = window.normal
 
 
-def confirm(sights: Sights, found: Depths, neighbours: list[np.ndarray]) -> np.ndarray:
+def confirm(
+    sights: Sights, found: Depths, textured: np.ndarray, neighbours: list[np.ndarray]
+) -> np.ndarray:
     """How many other views found the same point, for each depth that counts: [views, h, w] uint8.
 
-    It is 0 where the photographs are hardly alike, where they show too little, or where fewer than
-    CONFIRMED other views agree.
+    It is 0 where the photographs are hardly alike, where they show too little (``textured`` is as
+    ``find_texture`` gives it), or where fewer than CONFIRMED other views agree.
     """
     votes = np.zeros(found.depth.shape, np.uint8)
 
     def judge(i: int) -> None:
         pair = _pair(sights, i, neighbours[i])
-        seen = sights.images[i], sights.masks[i], found.depth, found.score
-        _confirm(*seen, i, _inverse(sights.K[i]), pair, votes[i])
+        given = found.depth, found.score, textured[i]
+        _confirm(*given, i, _inverse(sights.K[i]), pair, votes[i])
         least = int(SPECK * sights.masks[i].sum())
         _drop_specks(votes[i], found.depth[i], STEP * np.linalg.inv(sights.K[i])[0, 0], least)
 
@@ -399,16 +410,12 @@ def confirm(sights: Sights, found: Depths, neighbours: list[np.ndarray]) -> np.n
 
 
 @njit(**OPTIONS)
-def _confirm(image, mask, depths, scores, view, back, pair, votes):
-    height, width = image.shape
-    values, weights = np.empty(WINDOW, np.float32), np.empty(WINDOW, np.float32)
+def _confirm(depths, scores, textured, view, back, pair, votes):
+    height, width = votes.shape
     for r in range(height):
         for c in range(width):
             z = depths[view, r, c]
-            if z <= 0 or scores[view, r, c] < ALIKE:
-                continue
-            total, _ = gather(image, mask, c, r, values, weights)
-            if find_detail(values, weights, total) < TEXTURE:
+            if z <= 0 or scores[view, r, c] < ALIKE or not textured[r, c]:
                 continue
             x = (back[0, 0] * c + back[0, 1] * r + back[0, 2]) * z
             y = (back[1, 1] * r + back[1, 2]) * z

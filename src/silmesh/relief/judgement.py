@@ -6,8 +6,10 @@ what they show is compared with what the photograph shows, by PSNR of the colour
 cross-correlation (NCC) of the brightness in small blocks. A surface in the wrong place looks up the
 wrong colours. Only what the refinement moved is judged; the rest is the same for both.
 
-Where they confirm it, the surface is refined once more by all photographs, those included, and that
-surface is taken if it passes the same judgement, which is no independent one then.
+A first, coarse surface is judged in the same way: where it predicts nothing better, by neither
+measure, a finer one is not tried. Where the photographs confirm the finer one, the surface is
+refined once more by all photographs, those included, and that surface is taken if it passes the
+same judgement, which is no independent one then.
 """
 
 import time
@@ -26,7 +28,7 @@ from silmesh.geometry.silhouette_iou import silhouette_iou
 from silmesh.geometry.undistortion import sample
 from silmesh.progress import Share, untold, within
 from silmesh.relief.free_space import Grid
-from silmesh.relief.refinement import Relief, refine
+from silmesh.relief.refinement import Doubt, Relief, refine
 from silmesh.relief.surface import STANDINGS, judge_standing
 
 HELD = 6  # every so many-th photograph is kept out
@@ -37,6 +39,8 @@ FLAT = 2.0  # grey levels: a block or a photograph that varies less shows nothin
 MOVED = 0.002  # of the mesh's size: a surface that is so much nearer or farther is another
 LEAST = 100  # pixels that must have moved to be judged
 GAIN = 0.5  # dB that is better: wrong surfaces that glossy objects suggested gained up to 0.31
+TRIED = "one by the photographs was tried"
+HINT = 0.1, 0.02  # dB, or NCC, that a coarse surface has to gain for a finer one to be tried
 LOST = 0.001  # of the silhouettes' IoU that may be lost
 LIFT = 1e-4  # of the mesh's size: rays start so far above the surface
 
@@ -91,7 +95,8 @@ def refine_if_better(
     held = views[HELD - 1 :: HELD]
     used = [view for view in views if view not in held]
     scene = _Scene(mesh, originals, silhouettes, cameras, sigma, frames, mend)
-    relief = by(mesh, originals, silhouettes, cameras, used, seed, within(progress, 0, 0.5))
+    given = mesh, originals, silhouettes, cameras
+    relief = by(*given, used, seed, within(progress, 0, 0.7), None, scene.doubt_by(held, used))
     notes = {"held_out": [cameras.views[i] for i in held], "refinement": relief.notes}
     if not relief.changed:
         return _stay(mesh, before, str(relief.notes["reason"]), notes, started)
@@ -99,7 +104,7 @@ def refine_if_better(
     notes |= first.notes
     if not first.better:
         return _stay(mesh, before, first.why, notes, started)
-    relief = by(mesh, originals, silhouettes, cameras, views, seed, within(progress, 0.5, 1))
+    relief = by(*given, views, seed, within(progress, 0.7, 1), relief.found)
     whole = _judge(relief, scene, held, used) if relief.changed else first
     taken = whole if whole.better else first
     notes["by_all"] = {"taken": taken is not first, "because": whole.why, **whole.notes}
@@ -123,6 +128,15 @@ class _Scene:
         """Mean IoU with the silhouettes."""
         told = self.cameras, self.silhouettes, self.sigma, self.frames
         return float(silhouette_iou(*to_tensors(mesh), *told).mean())
+
+    def doubt_by(self, held: Sequence[int], used: Sequence[int]) -> Doubt:
+        """Why a coarse surface is a hint at nothing better, as ``refine`` asks for it."""
+
+        def doubt(surface: trimesh.Trimesh) -> str:
+            seen = compare(self.mesh, surface, self.originals, self.silhouettes, held, used)
+            return _find_no_hint(seen)
+
+        return doubt
 
 
 @dataclass(frozen=True)
@@ -357,19 +371,51 @@ def _fill_outlines(scene: _Scene, new: trimesh.Trimesh) -> tuple[trimesh.Trimesh
 
 def _decide(iou: dict[str, float], seen: dict[str, Any]) -> tuple[str, bool]:
     """What to say of a refined surface, and whether it is better."""
-    fallen = iou["before"] - iou["after"]
-    if fallen > LOST:
-        return f"the silhouettes' IoU would fall by {fallen:.4f}", False
+    if iou["before"] - iou["after"] > LOST:
+        return (
+            f"{TRIED}, but it fills the outlines worse: their mean IoU would fall from "
+            f"{iou['before']:.4f} to {iou['after']:.4f}, and may fall by {LOST:g}"
+        ), False
     if seen["moved"] < LEAST:
-        return "no photograph that was kept out shows what moved", False
+        return f"{TRIED}, but no photograph that was kept out to judge it shows what moved", False
     before, after = seen["psnr"].values()
-    said = f"photographs that were kept out are predicted with {after:.2f} dB where it moves"
-    alike = seen["ncc"]["before"], seen["ncc"]["after"]
-    fits = alike[0] is None or alike[1] >= alike[0]
-    fits = fits and seen["psnr_all"]["after"] >= seen["psnr_all"]["before"]
-    if after - before < GAIN or not fits:
-        return f"{said}, not better enough than {before:.2f} dB before", False
-    return f"{said}, {before:.2f} dB before", True
+    told = f"(PSNR; {before:.2f} dB before)"
+    if after - before < GAIN:
+        return (
+            f"{TRIED}, but it predicts the photographs that were kept out to judge it with "
+            f"{after:.2f} dB where it moved {told}: too little, {GAIN:g} dB should be gained"
+        ), False
+    if worse := _name_worse(seen):
+        return f"{TRIED}, but photographs that were kept out to judge it {worse}", False
+    return (
+        f"it predicts photographs that were kept out to judge it with {after:.2f} dB where it "
+        f"moved {told}"
+    ), True
+
+
+def _name_worse(seen: dict[str, Any]) -> str:
+    """By what else photographs that were kept out are predicted worse, if so."""
+    for measure, what in (
+        ("ncc", "correlate less with it"),
+        ("psnr_all", "fit it less as a whole"),
+    ):
+        before, after = seen[measure].values()
+        if before is not None and after < before:
+            return f"{what} ({after:.2f}, {before:.2f} before)"
+    return ""
+
+
+def _find_no_hint(seen: dict[str, Any]) -> str:
+    """Why a coarse surface does not promise a better one; "" if it does, or if nothing can tell."""
+    if seen["moved"] < LEAST or seen["ncc"]["before"] is None:
+        return ""
+    gains = [seen[measure]["after"] - seen[measure]["before"] for measure in ("psnr", "ncc")]
+    if any(gain >= least for gain, least in zip(gains, HINT, strict=True)):
+        return ""
+    return (
+        f"{TRIED}, coarsely, but it predicts the photographs that were kept out to judge it no "
+        f"better where it moved ({gains[0]:+.2f} dB PSNR)"
+    )
 
 
 def _as_written(relief: Relief) -> trimesh.Trimesh:

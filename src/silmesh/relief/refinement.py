@@ -1,8 +1,8 @@
 """The fitted surface, moved to where the photographs agree: hollows that no outline shows."""
 
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,6 @@ from silmesh.progress import Share, untold, within
 from silmesh.relief.covering import PUT_BACK, cover, strike
 from silmesh.relief.depths import (
     Depths,
-    Rays,
     cast_rays,
     confirm,
     find_neighbours,
@@ -35,6 +34,7 @@ from silmesh.relief.surface import (
 LONGEST = 400  # pixels of the object in the finer of the two sizes that depths are found at
 COARSE, FINE = 4, 1  # passes over the rows at each size
 RESOLUTION = 144  # voxels along the longest side
+FIRST = 72  # voxels of the first surface, of depths at half the size
 DOUBTS = 2  # rounds in which depths that others see through are left out
 STRIKES = 4  # most rounds in which depths that contradict silhouettes are struck
 VERTICES = 16_000  # of the refined surface, if the mesh has no more
@@ -42,6 +42,23 @@ FEW = 0.03  # share of the pixels that see the mesh: fewer depths say too little
 DENIED = 0.3  # share of those with texture, of which fewer with a depth are gloss,
 MANY = 0.1  # unless this share of all has one: photographs that are kept out judge those
 INNER = 2  # pixels within a silhouette from which on nothing may be missing
+
+Doubt = Callable[[trimesh.Trimesh], str]  # why a surface is not worth going on with, "" if it is
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a refinement found in its views, for which another by more views need not look again.
+
+    Attributes:
+        views: their positions
+        scale: of the images it was found in, pixels a pixel of the photographs
+        planes: of these images
+    """
+
+    views: Sequence[int]
+    scale: float
+    planes: Depths
 
 
 @dataclass(frozen=True)
@@ -55,6 +72,7 @@ class Relief:
         changed: whether the surface is another than the one that was given
         notes: for JSON: the share of each standing, the depths that were found, seconds, and why
             the surface stays as it is if it does
+        found: what it was made of, if it was
     """
 
     verts: np.ndarray
@@ -62,6 +80,7 @@ class Relief:
     standing: np.ndarray
     changed: bool
     notes: dict[str, Any]
+    found: Found | None = None
 
 
 def refine(
@@ -72,6 +91,8 @@ def refine(
     kept: Sequence[int] | None = None,
     seed: int = 0,
     progress: Share = untold,
+    known: Found | None = None,
+    doubt: Doubt = lambda surface: "",
 ) -> Relief:
     """Move a surface to where the photographs agree; where they do not it stays as it is.
 
@@ -83,31 +104,25 @@ def refine(
         kept: positions of the views that are believed; all if not given
         seed: of the random guesses; the same seed gives the same surface
         progress: is told which share is done
+        known: planes that were found about the same mesh in some of the views, and stay
+        doubt: is shown a first, coarse surface, unless there are such planes
     """
     started = time.monotonic()
     views = list(range(len(cameras)) if kept is None else kept)
     masks, believed = silhouettes[views], cameras.select(views)
-    sights = look(originals, silhouettes, cameras, views, LONGEST)
-    found, votes, rays = find_depths(mesh, sights, seed, within(progress, 0, 0.8))
-    grid = Grid.over(mesh, RESOLUTION)
-    solved = solve(sights, found, votes, measure(mesh, grid), grid, masks, believed)
-    progress(0.9)
-    covered = rays.front > 0
-    depths, textured = (votes > 0).sum(), (find_texture(sights) & covered).sum()
-    shares = float(depths / max(1, covered.sum())), float(depths / max(1, textured))
-    thin = "" if solved.surface is not None else "the object is thinner than the grid"
-    reason = _refuse(*shares) or thin
-    close = np.zeros_like(solved.close) if reason else solved.close
-    surface = mesh if reason else _finish(solved.surface, mesh, believed, masks.shape[1:])
+    sights = look(originals, silhouettes, cameras, views, LONGEST, known.scale if known else None)
+    search = _Search(mesh, sights, masks, believed, seed, within(progress, 0, 0.9))
+    solved = search.go_on(views, known) if known else search.run(doubt)
+    surface = mesh if solved.reason else _finish(solved.surface, mesh, believed, masks.shape[1:])
     verts, faces = np.asarray(surface.vertices), np.asarray(surface.faces)
-    standing = judge_standing(verts, close, grid, masks, believed)
-    notes = {"changed": not reason, **({"reason": reason} if reason else {}), "views": len(views)}
-    notes |= {"depths": round(shares[0], 4), "of_textured": round(shares[1], 4), **solved.notes}
+    standing = judge_standing(verts, solved.close, search.grid, masks, believed)
     parts = np.bincount(standing, minlength=len(STANDINGS)) / len(standing)
-    notes |= {name: round(float(part), 4) for name, part in zip(STANDINGS, parts, strict=True)}
+    shares = {name: round(float(part), 4) for name, part in zip(STANDINGS, parts, strict=True)}
+    notes = {"changed": not solved.reason, "views": len(views), **solved.notes, **shares}
     notes["seconds"] = round(time.monotonic() - started, 2)
     progress(1.0)
-    return Relief(verts, faces, standing, not reason, notes)
+    found = Found(views, sights.scale, search.planes) if search.planes else None
+    return Relief(verts, faces, standing, not solved.reason, notes, found)
 
 
 def _finish(
@@ -130,28 +145,110 @@ def _refuse(share: float, of_textured: float) -> str:
     return ""
 
 
-def find_depths(
-    mesh: trimesh.Trimesh, sights: Sights, seed: int, progress: Share
-) -> tuple[Depths, np.ndarray, Rays]:
-    """Depths at half the size and then the whole, the views that confirm each, and the rays."""
-    neighbours = find_neighbours(sights)
-    half = sights.halved()
-    found = sweep(half, cast_rays(mesh, half), neighbours, COARSE, seed)
-    progress(0.5)
-    rays = cast_rays(mesh, sights)
-    found = sweep(sights, rays, neighbours, FINE, seed, found)
-    votes = confirm(sights, found, neighbours)
-    progress(1.0)
-    return found, votes, rays
-
-
 @dataclass(frozen=True)
 class Solved:
-    """A surface that depths and silhouettes agree on; None if it is thinner than the grid."""
+    """A surface that depths and silhouettes agree on.
+
+    Attributes:
+        surface: None if it is thinner than the grid
+        close: [grid], weight of the views that found a surface close by
+        notes: for JSON
+        reason: why there is no surface, "" if there is
+    """
 
     surface: trimesh.Trimesh | None
     close: np.ndarray
     notes: dict[str, Any] = field(default_factory=dict)
+    reason: str = ""
+
+
+class _Search:
+    """The way from a mesh, and what views show of it, to a surface; it ends as early as it can.
+
+    Attributes:
+        grid: of the surface
+        planes: that the views hold at last; None if it came to none
+    """
+
+    def __init__(
+        self,
+        mesh: trimesh.Trimesh,
+        sights: Sights,
+        masks: np.ndarray,
+        cameras: Cameras,
+        seed: int,
+        progress: Share,
+    ):
+        self._mesh, self._sights, self._masks, self._cameras = mesh, sights, masks, cameras
+        self._seed, self._progress = seed, progress
+        self.grid, self.planes = Grid.over(mesh, RESOLUTION), None
+        self._neighbours = find_neighbours(sights)
+        self._rays = cast_rays(mesh, sights)
+        self._covered = self._rays.front > 0
+        self._textured = find_texture(sights) & self._covered
+
+    def run(self, doubt: Doubt) -> Solved:
+        """Look for planes in all views."""
+        if reason := _refuse(*self._share(self._textured)):
+            return self._stop(reason, self._textured)
+        half = self._sights.halved()
+        coarse = self._look_coarsely(half)
+        self._progress(0.4)
+        votes = confirm(half, coarse, find_texture(half), self._neighbours)
+        first = self._solve(half, coarse, votes, Grid.over(self._mesh, FIRST))
+        if first.surface is not None and (reason := doubt(first.surface)):
+            return self._stop(reason)
+        self._progress(0.5)
+        self.planes = self._look_finely(coarse)
+        return self._finish()
+
+    def go_on(self, views: Sequence[int], known: Found) -> Solved:
+        """Look for planes only in those of the views in which none are known."""
+        new = [i for i, view in enumerate(views) if view not in known.views]
+        coarse = self._look_coarsely(self._sights.halved(), new)
+        self._progress(0.5)
+        self.planes = self._look_finely(coarse, new)
+        for at, view in enumerate(known.views):
+            self.planes.take(views.index(view), known.planes, at)
+        return self._finish()
+
+    def _look_coarsely(self, half: Sights, only: Sequence[int] | None = None) -> Depths:
+        rays = cast_rays(self._mesh, half)
+        return sweep(half, rays, self._neighbours, COARSE, self._seed, None, only)
+
+    def _look_finely(self, coarse: Depths, only: Sequence[int] | None = None) -> Depths:
+        near = self._neighbours
+        return sweep(self._sights, self._rays, near, FINE, self._seed, coarse, only)
+
+    def _finish(self) -> Solved:
+        votes = confirm(self._sights, self.planes, self._textured, self._neighbours)
+        self._progress(0.8)
+        solved = self._solve(self._sights, self.planes, votes, self.grid)
+        if reason := _refuse(*self._share(votes)):
+            return self._stop(reason, votes)
+        if solved.surface is None:
+            return self._stop("the object is thinner than the grid", votes)
+        return replace(solved, notes={**self._describe(votes), **solved.notes})
+
+    def _solve(self, sights: Sights, planes: Depths, votes: np.ndarray, grid: Grid) -> Solved:
+        bound = measure(self._mesh, grid)
+        return solve(sights, planes, votes, bound, grid, self._masks, self._cameras)
+
+    def _stop(self, reason: str, counted: np.ndarray | None = None) -> Solved:
+        nowhere = np.zeros(self.grid.shape, np.float32)
+        found = {} if counted is None else self._describe(counted)
+        return Solved(None, nowhere, {**found, "reason": reason}, reason)
+
+    def _describe(self, counted: np.ndarray) -> dict[str, float]:
+        share, of_textured = self._share(counted)
+        return {"depths": round(share, 4), "of_textured": round(of_textured, 4)}
+
+    def _share(self, counted: np.ndarray) -> tuple[float, float]:
+        """What is counted, of the pixels that see the mesh and of those that show texture."""
+        count = int((counted > 0).sum())
+        return tuple(
+            count / max(1, int(pixels.sum())) for pixels in (self._covered, self._textured)
+        )
 
 
 def solve(

@@ -26,6 +26,7 @@ class Sights:
         K: [views, 3, 3] float64, in pixels of these images
         R: [views, 3, 3]
         t: [views, 3]
+        scale: pixels of these images a pixel of the photographs
     """
 
     images: np.ndarray
@@ -33,6 +34,7 @@ class Sights:
     K: np.ndarray
     R: np.ndarray
     t: np.ndarray
+    scale: float
 
     @property
     def centres(self) -> np.ndarray:
@@ -46,11 +48,17 @@ class Sights:
         blocks = images.reshape(len(images), height // 2, 2, width // 2, 2)
         masks = self.masks[:, :height, :width].reshape(blocks.shape)
         K = np.diag([0.5, 0.5, 1.0]) @ self.K
-        return Sights(blocks.mean(axis=(2, 4)), masks.all(axis=(2, 4)), K, self.R, self.t)
+        images, masks = blocks.mean(axis=(2, 4)), masks.all(axis=(2, 4))
+        return Sights(images, masks, K, self.R, self.t, self.scale / 2)
 
 
 def look(
-    originals: Originals, silhouettes: np.ndarray, cameras: Cameras, views: list[int], longest: int
+    originals: Originals,
+    silhouettes: np.ndarray,
+    cameras: Cameras,
+    views: list[int],
+    longest: int,
+    scale: float | None = None,
 ) -> Sights:
     """Read the photographs of some views, whose objects are mostly no longer than ``longest``.
 
@@ -60,10 +68,11 @@ def look(
         cameras: of the working images
         views: positions of those that are read
         longest: pixels
+        scale: of the images, where it is known
     """
     boxes = [_box(silhouettes[i], originals, cameras, i) for i in views]
     sides = [max(right - left, bottom - top) for left, top, right, bottom in boxes]
-    scale = min(1.0, longest / float(np.percentile(sides, 75)))
+    scale = scale or min(1.0, longest / float(np.percentile(sides, 75)))
     sizes = [
         (round(scale * (right - left)), round(scale * (bottom - top)))
         for left, top, right, bottom in boxes
@@ -83,7 +92,7 @@ def look(
             silhouettes[i], cameras.K[i].numpy() @ np.linalg.inv(K[at]), w, h
         )
     R, t = (part[views].numpy() for part in (cameras.R, cameras.t))
-    return Sights(images, masks, K, R, t)
+    return Sights(images, masks, K, R, t, scale)
 
 
 def _box(silhouette: np.ndarray, originals: Originals, cameras: Cameras, i: int):

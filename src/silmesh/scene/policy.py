@@ -110,5 +110,6 @@ def _refuse_too_few(decision: Decision, fewest: int, views: Sequence[str]) -> No
     lost = [f"{views[i]!r} ({reasons[i]})" for i, f in enumerate(decision.fates) if f == DROPPED]
     raise InputError(
         f"only {len(decision.fitted)} views are left, and quality.fewest is {fewest}: dropped are "
-        f"{', '.join(lost)}. quality.policy 'keep' fits outliers as they are"
+        f"{', '.join(lost)}. quality.policy 'keep' (in the command: --quality keep) "
+        "fits outliers as they are"
     )
