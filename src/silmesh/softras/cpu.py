@@ -44,17 +44,20 @@ from silmesh.softras.simd import (
     any_nonzero,
     columns,
     exp2,
+    fixed,
     gather,
     larger,
     load,
     minus_product,
     plus_product,
+    quotient,
     rows,
     scatter,
+    size,
     smaller,
     splat,
     store,
-    total,
+    totals,
     where_less,
 )
 
@@ -97,12 +100,12 @@ class Edge(NamedTuple):
 class Line(NamedTuple):
     """An edge as seen from a window's first pixel, in float32.
 
-    There, ``before`` = -u and ``after`` = u - length (positive past the ends) and ``across`` = v.
-    ``before`` times ``share`` is the share of the way from a to b.
+    There, ``along`` = u - length / 2, which beyond the ends is more than ``half`` a length, and
+    ``across`` = v. ``along`` times ``share`` and 1/2 are the share of the way from a to b.
     """
 
-    before: float
-    after: float
+    along: float
+    half: float
     across: float
     ux: float
     uy: float
@@ -125,8 +128,8 @@ class Bound(NamedTuple):
 class Row(NamedTuple):
     """What a ``Line`` becomes in one row of a window's blocks, each number in all simd."""
 
-    before: object
-    after: object
+    along: object
+    half: object
     across: object
     ux: object
     vx: object
@@ -288,7 +291,8 @@ def _set_up(points, faces, first, band, scale, live, side, chunk):
     for f in range(count):
         columns, rows = _read_box(chunk, f)
         if _reaches(live, side, columns, rows):
-            _keep(chunk, f, kept)
+            if kept < f:
+                _keep(chunk, f, kept)
             chunk.faces[kept] = first + f
             kept += 1
     for f in range(kept):
@@ -304,14 +308,14 @@ def _see_line(edge, x, y):
     v = edge.vx * (x - edge.ax) + edge.vy * (y - edge.ay)
     share = 1.0 / edge.length if edge.length > 0 else 0.0
     return Line(
-        np.float32(-u),
-        np.float32(u - edge.length),
+        np.float32(u - edge.length / 2),
+        np.float32(edge.length / 2),
         np.float32(v),
         np.float32(edge.ux),
         np.float32(edge.uy),
         np.float32(edge.vx),
         np.float32(edge.vy),
-        np.float32(-share),
+        np.float32(share),
     )
 
 
@@ -354,8 +358,8 @@ def _see(chunk, f, x, y, scale):
 def _write_edge(made, k, f, edge, centre):
     """Enter the line and the bound of a face's edge as seen from a pixel's centre."""
     line, at = _see_line(edge, centre[0], centre[1]), 8 * k * CHUNK + f
-    made[at] = line.before
-    made[at + CHUNK] = line.after
+    made[at] = line.along
+    made[at + CHUNK] = line.half
     made[at + 2 * CHUNK] = line.across
     made[at + 3 * CHUNK] = line.ux
     made[at + 4 * CHUNK] = line.uy
@@ -416,10 +420,9 @@ def _find_span(bounds, row, columns):
 @_jit
 def _enter_rows(line, j):
     """A line in the rows ``j`` of a block, at its window's first column."""
-    uy = splat(line.uy)
     return Row(
-        minus_product(splat(line.before), uy, j),
-        plus_product(splat(line.after), uy, j),
+        plus_product(splat(line.along), splat(line.uy), j),
+        splat(line.half),
         plus_product(splat(line.across), splat(line.vy), j),
         splat(line.ux),
         splat(line.vx),
@@ -428,21 +431,33 @@ def _enter_rows(line, j):
 
 @_jit
 def _measure(row, i):
-    """How far pixels i lie before a, across the line, and from the edge (squared)."""
-    before = minus_product(row.before, row.ux, i)
-    after = plus_product(row.after, row.ux, i)
+    """How far pixels i lie along the line, across it, and from the edge (squared)."""
+    along = plus_product(row.along, row.ux, i)
     across = plus_product(row.across, row.vx, i)
-    beyond = larger(larger(before, after), splat(np.float32(0)))
-    return before, across, plus_product(beyond * beyond, across, across)
+    beyond = larger(size(along) - row.half, splat(np.float32(0)))
+    return along, across, plus_product(beyond * beyond, across, across)
 
 
 @_jit
-def _odds(distance2, across, inside):
-    """D / (1 - D) = 2^z; zero past the cutoff. ``across`` is the smallest of the three."""
+def _sign(distance2, across, inside):
+    """z = +-d^2. ``across`` is the smallest of the three."""
+    return where_less(inside, across, distance2, splat(np.float32(0)) - distance2)
+
+
+@_jit
+def _odds(z):
+    """D / (1 - D) = 2^z; zero past the cutoff."""
+    odds = exp2(smaller(z, fixed(np.float32(LARGEST_Z))))
+    return where_less(z, fixed(np.float32(-CUTOFF_Z)), splat(np.float32(0)), odds)
+
+
+@_jit
+def _share(weight, z):
+    """``weight`` D, D = 1 / (1 + 2^-z); zero past the cutoff."""
     zero = splat(np.float32(0))
-    z = where_less(inside, across, distance2, zero - distance2)
-    odds = exp2(smaller(z, splat(np.float32(LARGEST_Z))))
-    return where_less(z, splat(np.float32(-CUTOFF_Z)), zero, odds)
+    less = exp2(larger(zero - z, fixed(np.float32(-LARGEST_Z))))
+    share = quotient(weight, fixed(np.float32(1)) + less)
+    return where_less(z, fixed(np.float32(-CUTOFF_Z)), zero, share)
 
 
 @_jit
@@ -471,10 +486,10 @@ def _multiply_window(product, start, stride, chunk, f, window):
             _, v_bc, d_bc = _measure(row_bc, i)
             _, v_ca, d_ca = _measure(row_ca, i)
             nearest = smaller(smaller(d_ab, d_bc), d_ca)
-            odds = _odds(nearest, smaller(smaller(v_ab, v_bc), v_ca), inside)
+            odds = _odds(_sign(nearest, smaller(smaller(v_ab, v_bc), v_ca), inside))
             p = load(product, k)
             store(product, k, plus_product(p, p, odds))
-            i = i + splat(np.float32(COLUMNS))
+            i = i + fixed(np.float32(COLUMNS))
             k += LANES
 
 
@@ -531,7 +546,8 @@ def _sum_window(weight, start, stride, chunk, f, window):
     ab, bc, ca = _read_lines(made, f)
     bounds = _read_bounds(made, f)
     zero = splat(np.float32(0))
-    one = splat(np.float32(1))
+    one = fixed(np.float32(1))
+    half = fixed(np.float32(0.5))
     inside = splat(made[33 * CHUNK + f])
     tie = splat(made[34 * CHUNK + f])
     ax = splat(made[35 * CHUNK + f])
@@ -552,7 +568,7 @@ def _sum_window(weight, start, stride, chunk, f, window):
         i = splat(np.float32(COLUMNS * (first - 1))) + columns()
         k = start + (row * stride + first - 1) * LANES
         for _ in range(first, end):
-            i = i + splat(np.float32(COLUMNS))
+            i = i + fixed(np.float32(COLUMNS))
             k += LANES
             w = load(weight, k)
             if not any_nonzero(w):
@@ -564,13 +580,12 @@ def _sum_window(weight, start, stride, chunk, f, window):
             rival_ab = d_ab * tie
             rival_bc = d_ca * tie
             across = smaller(smaller(v_ab, v_bc), v_ca)
-            odds = _odds(smaller(d_ab, others), across, inside)
-            w = w * odds / (one + odds)
+            w = _share(w, _sign(smaller(d_ab, others), across, inside))
             w = where_less(inside, across, w, zero - w)
 
             # barycentric coordinates of the nearest point: s of the way along the nearest edge
             s = where_less(d_bc, rival_bc, s_bc * splat(bc.share), s_ca * splat(ca.share))
-            s = where_less(others, rival_ab, s, s_ab * splat(ab.share))
+            s = where_less(others, rival_ab, s, s_ab * splat(ab.share)) + half
             s = smaller(larger(s, zero), one)
             on_a = where_less(d_bc, rival_bc, zero, s)
             on_b = where_less(d_bc, rival_bc, one - s, zero)
@@ -587,7 +602,7 @@ def _sum_window(weight, start, stride, chunk, f, window):
             sum_ay = plus_product(sum_ay, on_a, y)
             sum_bx = plus_product(sum_bx, on_b, x)
             sum_by = plus_product(sum_by, on_b, y)
-    return total(sum_x), total(sum_y), total(sum_ax), total(sum_ay), total(sum_bx), total(sum_by)
+    return totals(sum_x, sum_y, sum_ax, sum_ay, sum_bx, sum_by)
 
 
 @_jit

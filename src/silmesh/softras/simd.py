@@ -86,6 +86,20 @@ def splat(typingctx, value):
     return lanes(value), codegen
 
 
+@intrinsic
+def fixed(typingctx, value):
+    """The same number in all lanes, held in a register where one is free.
+
+    LLVM would fetch a constant from memory, by an address of its own, wherever it is used.
+    """
+
+    def codegen(context, builder, signature, args):
+        repeated = _repeat(builder, context.cast(builder, args[0], value, types.float32))
+        return _call(builder, f"llvm.arithmetic.fence.v{LANES}f32", [repeated])
+
+    return lanes(value), codegen
+
+
 def _pattern(values):
     @intrinsic
     def make(typingctx):
@@ -260,6 +274,26 @@ def larger(typingctx, a, b):
 
 
 @intrinsic
+def size(typingctx, a):
+    """Without its sign."""
+
+    def codegen(context, builder, signature, args):
+        return _call(builder, f"llvm.fabs.v{LANES}f32", args)
+
+    return lanes(lanes), codegen
+
+
+@intrinsic
+def quotient(typingctx, a, b):
+    """a / b to a relative error of about 1e-7, for b from 1 to 2^126: by an estimate of 1 / b."""
+
+    def codegen(context, builder, signature, args):
+        return builder.fdiv(*args, flags=("arcp", "contract"))
+
+    return lanes(lanes, lanes), codegen
+
+
+@intrinsic
 def any_nonzero(typingctx, a):
     """Whether any lane differs from zero."""
 
@@ -272,19 +306,31 @@ def any_nonzero(typingctx, a):
 
 
 @intrinsic
-def total(typingctx, a):
-    """The sum of all lanes, always in the same order."""
+def totals(typingctx, a, b, c, d, e, f):
+    """The sums of all lanes of each of six, always in the same order."""
 
     def codegen(context, builder, signature, args):
-        part, half = args[0], LANES // 2
-        while half:
-            upper, lower = (
-                builder.shuffle_vector(part, part, _choose(at, half)) for at in (0, half)
-            )
-            part, half = builder.fadd(upper, lower), half // 2
-        return builder.extract_element(part, ir.Constant(_I32, 0))
+        parts, width = list(args), LANES
+        while len(parts) > 1:
+            pairs = zip(parts[::2], parts[1::2] + parts[-1:], strict=False)
+            parts, width = [_fold(builder, *pair, width) for pair in pairs], width // 2
+        while width > 1:
+            parts, width = [_fold(builder, parts[0], parts[0], width)], width // 2
+        sums = [builder.extract_element(parts[0], ir.Constant(_I32, i)) for i in range(len(args))]
+        return context.make_tuple(builder, signature.return_type, sums)
 
-    return types.float32(lanes), codegen
+    return types.UniTuple(types.float32, 6)(lanes, lanes, lanes, lanes, lanes, lanes), codegen
+
+
+def _fold(builder, a, b, width):
+    """Add the halves of each group of ``width`` lanes of a, then of b: groups of half the width."""
+    groups = [start for start in range(0, 2 * LANES, width)]
+    half = width // 2
+    first, second = (
+        ir.Constant(_INTEGERS, [g + at + k for g in groups for k in range(half)])
+        for at in (0, half)
+    )
+    return builder.fadd(*(builder.shuffle_vector(a, b, which) for which in (first, second)))
 
 
 @intrinsic
@@ -311,11 +357,12 @@ _WHOLE = np.float32(3 * 2**22)  # a number that this is added to is rounded to a
 @njit
 def exp2(z):
     """2^z in each lane to a relative error of 2e-7, for z in [-126, 127]; anything outside."""
-    shifted = z + splat(_WHOLE)
-    f = z - (shifted - splat(_WHOLE))
-    p = plus_product(splat(_C4), splat(_C5), f)
-    p = plus_product(splat(_C3), p, f)
-    p = plus_product(splat(_C2), p, f)
-    p = plus_product(splat(_C1), p, f)
-    p = plus_product(splat(_C0), p, f)
+    whole = fixed(_WHOLE)
+    shifted = z + whole
+    f = z - (shifted - whole)
+    p = plus_product(fixed(_C4), fixed(_C5), f)
+    p = plus_product(fixed(_C3), p, f)
+    p = plus_product(fixed(_C2), p, f)
+    p = plus_product(fixed(_C1), p, f)
+    p = plus_product(fixed(_C0), p, f)
     return _times_power_of_two(p, shifted)
