@@ -44,16 +44,13 @@ from silmesh.softras.simd import (
     any_nonzero,
     columns,
     exp2,
-    fixed,
     gather,
     larger,
     load,
     minus_product,
     plus_product,
-    quotient,
     rows,
     scatter,
-    size,
     smaller,
     splat,
     store,
@@ -100,12 +97,12 @@ class Edge(NamedTuple):
 class Line(NamedTuple):
     """An edge as seen from a window's first pixel, in float32.
 
-    There, ``along`` = u - length / 2, which beyond the ends is more than ``half`` a length, and
-    ``across`` = v. ``along`` times ``share`` and 1/2 are the share of the way from a to b.
+    There, ``before`` = -u and ``after`` = u - length (positive past the ends) and ``across`` = v.
+    ``before`` times ``share`` is the share of the way from a to b.
     """
 
-    along: float
-    half: float
+    before: float
+    after: float
     across: float
     ux: float
     uy: float
@@ -128,8 +125,8 @@ class Bound(NamedTuple):
 class Row(NamedTuple):
     """What a ``Line`` becomes in one row of a window's blocks, each number in all simd."""
 
-    along: object
-    half: object
+    before: object
+    after: object
     across: object
     ux: object
     vx: object
@@ -241,8 +238,12 @@ def _read_box(chunk, f):
 
 @_jit
 def _count_blocks(height, width):
-    """Rows and columns of the blocks of an image, of which the last may go on beyond its sides."""
-    return (height + ROWS - 1) // ROWS, (width + COLUMNS - 1) // COLUMNS
+    """Rows and columns of the blocks of an image, of which the last may go on beyond its sides.
+
+    Their columns are of an odd number: with a power of two, blocks below each other would compete
+    for the same lines of the cache.
+    """
+    return (height + ROWS - 1) // ROWS, (width + COLUMNS - 1) // COLUMNS | 1
 
 
 @_jit
@@ -308,14 +309,14 @@ def _see_line(edge, x, y):
     v = edge.vx * (x - edge.ax) + edge.vy * (y - edge.ay)
     share = 1.0 / edge.length if edge.length > 0 else 0.0
     return Line(
-        np.float32(u - edge.length / 2),
-        np.float32(edge.length / 2),
+        np.float32(-u),
+        np.float32(u - edge.length),
         np.float32(v),
         np.float32(edge.ux),
         np.float32(edge.uy),
         np.float32(edge.vx),
         np.float32(edge.vy),
-        np.float32(share),
+        np.float32(-share),
     )
 
 
@@ -358,8 +359,8 @@ def _see(chunk, f, x, y, scale):
 def _write_edge(made, k, f, edge, centre):
     """Enter the line and the bound of a face's edge as seen from a pixel's centre."""
     line, at = _see_line(edge, centre[0], centre[1]), 8 * k * CHUNK + f
-    made[at] = line.along
-    made[at + CHUNK] = line.half
+    made[at] = line.before
+    made[at + CHUNK] = line.after
     made[at + 2 * CHUNK] = line.across
     made[at + 3 * CHUNK] = line.ux
     made[at + 4 * CHUNK] = line.uy
@@ -420,9 +421,10 @@ def _find_span(bounds, row, columns):
 @_jit
 def _enter_rows(line, j):
     """A line in the rows ``j`` of a block, at its window's first column."""
+    uy = splat(line.uy)
     return Row(
-        plus_product(splat(line.along), splat(line.uy), j),
-        splat(line.half),
+        minus_product(splat(line.before), uy, j),
+        plus_product(splat(line.after), uy, j),
         plus_product(splat(line.across), splat(line.vy), j),
         splat(line.ux),
         splat(line.vx),
@@ -431,33 +433,21 @@ def _enter_rows(line, j):
 
 @_jit
 def _measure(row, i):
-    """How far pixels i lie along the line, across it, and from the edge (squared)."""
-    along = plus_product(row.along, row.ux, i)
+    """How far pixels i lie before a, across the line, and from the edge (squared)."""
+    before = minus_product(row.before, row.ux, i)
+    after = plus_product(row.after, row.ux, i)
     across = plus_product(row.across, row.vx, i)
-    beyond = larger(size(along) - row.half, splat(np.float32(0)))
-    return along, across, plus_product(beyond * beyond, across, across)
+    beyond = larger(larger(before, after), splat(np.float32(0)))
+    return before, across, plus_product(beyond * beyond, across, across)
 
 
 @_jit
-def _sign(distance2, across, inside):
-    """z = +-d^2. ``across`` is the smallest of the three."""
-    return where_less(inside, across, distance2, splat(np.float32(0)) - distance2)
-
-
-@_jit
-def _odds(z):
-    """D / (1 - D) = 2^z; zero past the cutoff."""
-    odds = exp2(smaller(z, fixed(np.float32(LARGEST_Z))))
-    return where_less(z, fixed(np.float32(-CUTOFF_Z)), splat(np.float32(0)), odds)
-
-
-@_jit
-def _share(weight, z):
-    """``weight`` D, D = 1 / (1 + 2^-z); zero past the cutoff."""
+def _odds(distance2, across, inside):
+    """D / (1 - D) = 2^z; zero past the cutoff. ``across`` is the smallest of the three."""
     zero = splat(np.float32(0))
-    less = exp2(larger(zero - z, fixed(np.float32(-LARGEST_Z))))
-    share = quotient(weight, fixed(np.float32(1)) + less)
-    return where_less(z, fixed(np.float32(-CUTOFF_Z)), zero, share)
+    z = where_less(inside, across, distance2, zero - distance2)
+    odds = exp2(smaller(z, splat(np.float32(LARGEST_Z))))
+    return where_less(z, splat(np.float32(-CUTOFF_Z)), zero, odds)
 
 
 @_jit
@@ -486,10 +476,10 @@ def _multiply_window(product, start, stride, chunk, f, window):
             _, v_bc, d_bc = _measure(row_bc, i)
             _, v_ca, d_ca = _measure(row_ca, i)
             nearest = smaller(smaller(d_ab, d_bc), d_ca)
-            odds = _odds(_sign(nearest, smaller(smaller(v_ab, v_bc), v_ca), inside))
+            odds = _odds(nearest, smaller(smaller(v_ab, v_bc), v_ca), inside)
             p = load(product, k)
             store(product, k, plus_product(p, p, odds))
-            i = i + fixed(np.float32(COLUMNS))
+            i = i + splat(np.float32(COLUMNS))
             k += LANES
 
 
@@ -546,8 +536,7 @@ def _sum_window(weight, start, stride, chunk, f, window):
     ab, bc, ca = _read_lines(made, f)
     bounds = _read_bounds(made, f)
     zero = splat(np.float32(0))
-    one = fixed(np.float32(1))
-    half = fixed(np.float32(0.5))
+    one = splat(np.float32(1))
     inside = splat(made[33 * CHUNK + f])
     tie = splat(made[34 * CHUNK + f])
     ax = splat(made[35 * CHUNK + f])
@@ -568,7 +557,7 @@ def _sum_window(weight, start, stride, chunk, f, window):
         i = splat(np.float32(COLUMNS * (first - 1))) + columns()
         k = start + (row * stride + first - 1) * LANES
         for _ in range(first, end):
-            i = i + fixed(np.float32(COLUMNS))
+            i = i + splat(np.float32(COLUMNS))
             k += LANES
             w = load(weight, k)
             if not any_nonzero(w):
@@ -580,12 +569,13 @@ def _sum_window(weight, start, stride, chunk, f, window):
             rival_ab = d_ab * tie
             rival_bc = d_ca * tie
             across = smaller(smaller(v_ab, v_bc), v_ca)
-            w = _share(w, _sign(smaller(d_ab, others), across, inside))
+            odds = _odds(smaller(d_ab, others), across, inside)
+            w = w * odds / (one + odds)
             w = where_less(inside, across, w, zero - w)
 
             # barycentric coordinates of the nearest point: s of the way along the nearest edge
             s = where_less(d_bc, rival_bc, s_bc * splat(bc.share), s_ca * splat(ca.share))
-            s = where_less(others, rival_ab, s, s_ab * splat(ab.share)) + half
+            s = where_less(others, rival_ab, s, s_ab * splat(ab.share))
             s = smaller(larger(s, zero), one)
             on_a = where_less(d_bc, rival_bc, zero, s)
             on_b = where_less(d_bc, rival_bc, one - s, zero)
@@ -646,13 +636,12 @@ def _fill_gradient(points, faces, band, scale, product, weight, gradient):
 
 
 @_jit
-def _fill_alpha(product, height, width, alpha):
-    """alpha = 1 - 1 / P of an image, by rows, from P, block after block."""
+def _fill_alpha(product, stride, height, width, alpha):
+    """alpha = 1 - 1 / P of an image, by rows, from P, in rows of ``stride`` blocks."""
     one = splat(np.float32(1))
-    blocks = _count_blocks(height, width)
-    for row in range(blocks[0]):
-        for column in range(blocks[1]):
-            k = (row * blocks[1] + column) * LANES
+    for row in range((height + ROWS - 1) // ROWS):
+        for column in range((width + COLUMNS - 1) // COLUMNS):
+            k = (row * stride + column) * LANES
             y, x = ROWS * row, COLUMNS * column
             p = load(product, k)
             shown = where_less(p, splat(np.float32(np.inf)), (p - one) / p, one)
@@ -667,18 +656,17 @@ def _fill_alpha(product, height, width, alpha):
 
 
 @_jit
-def _fill_weight(product, upstream, height, width, weight):
+def _fill_weight(product, stride, upstream, height, width, weight):
     """T times the gradient with respect to alpha, 0 where P is spent and beyond the image.
 
     Args:
-        product: block after block, as ``weight``, which is written
+        product: in rows of ``stride`` blocks, as ``weight``, which is written
         upstream: the gradient with respect to alpha, by rows
     """
     zero = splat(np.float32(0))
-    blocks = _count_blocks(height, width)
-    for row in range(blocks[0]):
-        for column in range(blocks[1]):
-            k = (row * blocks[1] + column) * LANES
+    for row in range((height + ROWS - 1) // ROWS):
+        for column in range((width + COLUMNS - 1) // COLUMNS):
+            k = (row * stride + column) * LANES
             y, x = ROWS * row, COLUMNS * column
             if y + ROWS <= height and x + COLUMNS <= width:
                 above = gather(upstream, y * width + x, width)
@@ -704,12 +692,14 @@ def _keep_compiled(code: str) -> tuple[Callable, Callable]:
     def draw(points, faces, band, scale, product, alpha):
         code  # noqa: B018
         _fill_product(points, faces, band, scale, product)
-        _fill_alpha(product, band[1], band[2], alpha)
+        stride = _count_blocks(band[1], band[2])[1]
+        _fill_alpha(product, stride, band[1], band[2], alpha)
 
     @njit(cache=True, **OPTIONS)
     def draw_back(points, faces, band, scale, product, upstream, weight, gradient):
         code  # noqa: B018
-        _fill_weight(product, upstream, band[1], band[2], weight)
+        stride = _count_blocks(band[1], band[2])[1]
+        _fill_weight(product, stride, upstream, band[1], band[2], weight)
         gradient[:] = 0
         _fill_gradient(points, faces, band, scale, product, weight, gradient)
         gradient *= np.float32(-2 * scale * scale / LOG2_E)
@@ -771,9 +761,9 @@ class _SoftSilhouettes(torch.autograd.Function):
 
 
 def _count_padded(size: tuple[int, int]) -> int:
-    """Pixels of an image whose last blocks may go on beyond its right and lower sides."""
-    height, width = size
-    return -(-height // ROWS) * -(-width // COLUMNS) * LANES
+    """Pixels of an image's blocks, of which some may lie beyond its right and lower sides."""
+    rows, columns = _count_blocks.py_func(*size)
+    return rows * columns * LANES
 
 
 def _cut(views: int, height: int) -> list[tuple[int, int]]:

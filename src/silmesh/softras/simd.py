@@ -86,20 +86,6 @@ def splat(typingctx, value):
     return lanes(value), codegen
 
 
-@intrinsic
-def fixed(typingctx, value):
-    """The same number in all lanes, held in a register where one is free.
-
-    LLVM would fetch a constant from memory, by an address of its own, wherever it is used.
-    """
-
-    def codegen(context, builder, signature, args):
-        repeated = _repeat(builder, context.cast(builder, args[0], value, types.float32))
-        return _call(builder, f"llvm.arithmetic.fence.v{LANES}f32", [repeated])
-
-    return lanes(value), codegen
-
-
 def _pattern(values):
     @intrinsic
     def make(typingctx):
@@ -274,26 +260,6 @@ def larger(typingctx, a, b):
 
 
 @intrinsic
-def size(typingctx, a):
-    """Without its sign."""
-
-    def codegen(context, builder, signature, args):
-        return _call(builder, f"llvm.fabs.v{LANES}f32", args)
-
-    return lanes(lanes), codegen
-
-
-@intrinsic
-def quotient(typingctx, a, b):
-    """a / b to a relative error of about 1e-7, for b from 1 to 2^126: by an estimate of 1 / b."""
-
-    def codegen(context, builder, signature, args):
-        return builder.fdiv(*args, flags=("arcp", "contract"))
-
-    return lanes(lanes, lanes), codegen
-
-
-@intrinsic
 def any_nonzero(typingctx, a):
     """Whether any lane differs from zero."""
 
@@ -357,12 +323,11 @@ _WHOLE = np.float32(3 * 2**22)  # a number that this is added to is rounded to a
 @njit
 def exp2(z):
     """2^z in each lane to a relative error of 2e-7, for z in [-126, 127]; anything outside."""
-    whole = fixed(_WHOLE)
-    shifted = z + whole
-    f = z - (shifted - whole)
-    p = plus_product(fixed(_C4), fixed(_C5), f)
-    p = plus_product(fixed(_C3), p, f)
-    p = plus_product(fixed(_C2), p, f)
-    p = plus_product(fixed(_C1), p, f)
-    p = plus_product(fixed(_C0), p, f)
+    shifted = z + splat(_WHOLE)
+    f = z - (shifted - splat(_WHOLE))
+    p = plus_product(splat(_C4), splat(_C5), f)
+    p = plus_product(splat(_C3), p, f)
+    p = plus_product(splat(_C2), p, f)
+    p = plus_product(splat(_C1), p, f)
+    p = plus_product(splat(_C0), p, f)
     return _times_power_of_two(p, shifted)

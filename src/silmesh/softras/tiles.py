@@ -200,13 +200,13 @@ def _keep_compiled(code: str) -> tuple[Callable, Callable]:
     def draw(points, faces, number, first, size, scale, product, alpha):
         code  # noqa: B018
         _fill_products(points, faces, number, first, size, scale, product)
-        _fill_alpha(product, alpha.shape[0] // TILE, TILE, alpha)
+        _fill_alpha(product, STRIDE, alpha.shape[0] // TILE, TILE, alpha)
 
     @njit(cache=True, **OPTIONS)
     def draw_back(points, faces, number, first, size, scale, product, upstream, gradient):
         code  # noqa: B018
         weight = np.empty(product.shape[0], np.float32)
-        _fill_weight(product, upstream, upstream.shape[0] // TILE, TILE, weight)
+        _fill_weight(product, STRIDE, upstream, upstream.shape[0] // TILE, TILE, weight)
         gradient[:] = 0
         _fill_gradients(points, faces, number, first, size, scale, weight, gradient)
         gradient *= np.float32(-2 * scale * scale / LOG2_E)
