@@ -18,7 +18,7 @@ from silmesh.softras.simd import (
     scatter,
     splat,
     store,
-    total,
+    totals,
     where_less,
 )
 
@@ -43,11 +43,11 @@ def write_blocks(image, stride):
     y = splat(np.float32(5)) + rows()
     scatter(image, 2, stride, x * splat(np.float32(10)) + y)
     block = gather(image, 2, stride)
+    zero = splat(np.float32(0))
     scatter(image, ROWS * stride, stride, where_less(x, splat(np.float32(5)), block, x / y))
     scatter(image, 2 * ROWS * stride, stride, plus_product(x, x, y) - minus_product(y, x, y))
-    zero = splat(np.float32(0))
     return (
-        total(block),
+        totals(block, zero, x, y, block + block, x + y),
         any_nonzero(block),
         any_nonzero(zero),
         any_nonzero(where_less(x, y, x, zero)),
@@ -64,4 +64,5 @@ def test_blocks_of_an_image():
     expected[ROWS : 2 * ROWS, :4] = np.where(x < 5, block, x / y)
     expected[2 * ROWS :, :4] = (x + x * y) - (y - x * y)
     np.testing.assert_allclose(image, expected, rtol=1e-6)
-    assert sums == (block.sum(), True, False, True)
+    six = [part.sum() for part in (block, 0 * block, x, y, 2 * block, x + y)]
+    assert sums == (tuple(six), True, False, True)

@@ -290,7 +290,7 @@ def totals(typingctx, a, b, c, d, e, f):
 
 def _fold(builder, a, b, width):
     """Add the halves of each group of ``width`` lanes of a, then of b: groups of half the width."""
-    groups = [start for start in range(0, 2 * LANES, width)]
+    groups = range(0, 2 * LANES, width)
     half = width // 2
     first, second = (
         ir.Constant(_INTEGERS, [g + at + k for g in groups for k in range(half)])
