@@ -102,6 +102,17 @@ def test_gradients_are_those_of_finite_differences():
     assert torch.autograd.gradcheck(lambda a: iou_loss(a, truth, weights), alpha)
 
 
+def test_the_flatten_term_on_the_cpu_is_that_of_plain_torch():
+    verts, faces = bumpy(60)
+    found = []
+    for term in (Flatten(faces), Flatten(faces).in_torch):
+        moved = verts.clone().requires_grad_()
+        loss = term(moved)
+        loss.backward()
+        found.append((loss.detach(), moved.grad))
+    torch.testing.assert_close(*found, rtol=1e-10, atol=1e-10)
+
+
 def test_collapsed_triangles_keep_gradients_finite():
     verts = torch.zeros(4, 3, requires_grad=True)
     (Flatten(PAIR)(verts) + Laplacian(PAIR, 4)(verts)).backward()

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
+from silmesh.fitting.flatten import FlattenOnCpu
 from silmesh.geometry.edges import number_edges
 from silmesh.settings.fit import FastWeights, Weights
 
@@ -143,10 +144,17 @@ class Flatten:
     """
 
     def __init__(self, faces: Tensor):
-        self._corners = edge_diamonds(faces).T.flatten()
+        self._diamonds = edge_diamonds(faces)
+        self._corners = self._diamonds.T.flatten()
 
     def __call__(self, verts: Tensor) -> Tensor:
         """The loss of vertices [verts, 3]."""
+        if verts.device.type == "cpu":
+            return FlattenOnCpu.apply(verts, self._diamonds, EPS)
+        return self.in_torch(verts)
+
+    def in_torch(self, verts: Tensor) -> Tensor:
+        """The same in plain torch, on any device."""
         corners = verts.index_select(0, self._corners).reshape(4, -1, 3)
         (a, b), opposite = corners[:2], corners[2:]
         across, length = _across(b - a, opposite - a)

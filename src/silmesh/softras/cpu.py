@@ -5,15 +5,17 @@ The equations are those of ``silmesh.softras.reference``. What is particular her
 - All lengths are scaled so that D = 2^z / (1 + 2^z), z = +-d^2.
 - 1 / (1 - D) = 1 + 2^z, so a view keeps the product P = 1 / T of these in one image, and no list
   of the faces of a pixel or of the pixels of a face: memory grows with views x pixels alone.
+- P is kept block after block, a block of pixels being what one register holds (``simd``).
+- CHUNK faces are set up together, in loops without branches, which LLVM turns into SIMD.
 - A face is drawn in windows of at most 64 x 64 pixels. Their origins are set in float64, so within
   a window distances in float32 are right to about 1e-6 pixel however large the face. (The foot of
   the gradient's p - c is placed along its edge to 1e-7 of the edge's length, which shows only where
   sqrt(sigma) is a thousandth of that length.)
-- In each row of a window only the span that lies within the cutoff of all three edges' half-planes
-  is visited, eight pixels at a time, without branches.
+- In each row of blocks only those are visited that the cutoff of all three edges' half-planes
+  reaches, without branches.
 - A pixel whose P has reached SPENT is opaque to within 1 / SPENT and passes no gradient. A face
-  that reaches only cells of CELL x CELL such pixels is passed over before it is set up: as the
-  image fills, and on the way back.
+  that reaches only blocks of such pixels is passed over before it is set up: as the image fills,
+  and on the way back.
 
 Views are independent of each other, and so are the bands of rows that the views of a small batch
 are cut into. The faces of a band are visited in order by one thread, and the cut depends on the
@@ -37,19 +39,22 @@ from silmesh.softras import reference, simd
 from silmesh.softras.reference import CUTOFF, THIN, TIE
 from silmesh.softras.simd import (
     COLUMNS,
+    LANES,
     ROWS,
     any_nonzero,
     columns,
     exp2,
+    gather,
     larger,
     load,
     minus_product,
     plus_product,
     rows,
+    scatter,
     smaller,
     splat,
     store,
-    total,
+    totals,
     where_less,
 )
 
@@ -59,17 +64,18 @@ CUTOFF_Z = CUTOFF * LOG2_E
 THIN_Z = THIN * math.sqrt(LOG2_E)
 LARGEST_Z = 126  # 2^z stays finite
 SPENT = 1e6  # at this P nothing can change a pixel any more
-CELL = 8  # pixels
-REFRESH = 1024  # faces between looks for cells that are spent
+CHUNK = 64  # faces that are set up together
+REFRESH = 1024  # faces between looks for blocks that are spent
+MADE = 41  # numbers that ``_see`` makes of a face
 TASKS = 2  # a batch of fewer views is cut into about so many bands
 BAND = 32  # rows that a band has at least
 FAR = 1e9  # pixels: no bound
 SLACK = 0.01  # pixels: spans are wider by this, so that rounding loses no pixel
-NARROW = 12  # pixels: in a window no wider, whole rows are visited
+NARROW = 3  # blocks: in a window no wider, whole rows are visited
 LEVEL = 0.02  # an edge that rises less than this bounds no span
 
 OPTIONS = {"nogil": True, "fastmath": {"contract"}, "error_model": "numpy"}
-_jit = njit(**OPTIONS)
+_jit = njit(forceinline=True, **OPTIONS)
 
 
 class Edge(NamedTuple):
@@ -106,7 +112,7 @@ class Line(NamedTuple):
 
 
 class Bound(NamedTuple):
-    """Where an edge's inner half-plane and its cutoff lie in rows j and j + 1 of a window.
+    """Where an edge's inner half-plane and its cutoff lie in the ROWS rows from j on of a window.
 
     From the column ``left + slope j``, or up to ``right + slope j``, in float32.
     """
@@ -117,7 +123,7 @@ class Bound(NamedTuple):
 
 
 class Row(NamedTuple):
-    """What a ``Line`` becomes in one row of the window, each number in all simd."""
+    """What a ``Line`` becomes in one row of a window's blocks, each number in all simd."""
 
     before: object
     after: object
@@ -126,18 +132,41 @@ class Row(NamedTuple):
     vx: object
 
 
+class Chunk(NamedTuple):
+    """What is known of up to CHUNK faces: of each, numbers that lie CHUNK apart.
+
+    Attributes:
+        faces: int64, which they are
+        corners: float64, ax, ay, bx, by, cx and cy
+        boxes: int64, first and past-the-last column and row of the pixels that each may reach
+        made: float32, what ``_see`` made of each
+    """
+
+    faces: np.ndarray
+    corners: np.ndarray
+    boxes: np.ndarray
+    made: np.ndarray
+
+
+@_jit
+def _make_chunk():
+    return Chunk(
+        np.empty(CHUNK, np.int64),
+        np.empty(6 * CHUNK, np.float64),
+        np.empty(4 * CHUNK, np.int64),
+        np.empty(MADE * CHUNK, np.float32),
+    )
+
+
 @_jit
 def _make_edge(ax, ay, bx, by, sign, scale):
     """An edge of no length is a point: there any frame measures the distance rightly."""
     x = bx - ax
     y = by - ay
     length = math.sqrt(x * x + y * y)
-    if length > 0:
-        x *= scale / length
-        y *= scale / length
-    else:
-        x = scale
-        y = 0.0
+    per_pixel = scale / length if length > 0 else 0.0
+    x = x * per_pixel if length > 0 else scale
+    y = y * per_pixel
     return Edge(ax, ay, x, y, -y * sign, x * sign, length * scale)
 
 
@@ -154,14 +183,9 @@ def _make_edges(a, b, c, scale):
     ca = _make_edge(c[0], c[1], a[0], a[1], sign, scale)
     longest = max(ab.length, bc.length, ca.length)
     thick = abs(area2) * scale * scale > THIN_Z * longest
-    if thick:
-        return (ab, bc, ca), np.float32(0.0), np.float32(1.0)
-    return (ab, bc, ca), np.float32(np.inf), np.float32(TIE)
-
-
-@_jit
-def _corner(points, vert, top):
-    return np.float64(points[vert, 0]), np.float64(points[vert, 1]) - top
+    inside = np.float32(0.0) if thick else np.float32(np.inf)
+    tie = np.float32(1.0) if thick else np.float32(TIE)
+    return (ab, bc, ca), inside, tie
 
 
 @_jit
@@ -170,67 +194,117 @@ def _find_pixels(a, b, c, radius, size):
 
     The centre of pixel i is at i + 1/2. A number that is not finite gives an empty range.
     """
-    if not math.isfinite(a + b + c):
-        return 0, 0
+    finite = math.isfinite(a + b + c)
     low = min(max(min(a, b, c) - radius - 0.5, 0.0), np.float64(size))
     high = min(max(max(a, b, c) + radius - 0.5, -1.0), size - 1.0)
-    return math.ceil(low), math.floor(high) + 1
+    first = np.int64(math.ceil(low if finite else 0.0))
+    return first, np.int64(math.floor(high if finite else -1.0)) + 1
 
 
 @_jit
-def _find_face(points, faces, face, band, scale):
-    """A face's corners, and first and past-the-last column and row of the pixels it may reach."""
+def _find_boxes(points, faces, first, count, band, scale, chunk):
+    """Enter the corners and boxes of ``count`` faces from ``first`` on."""
     top, height, width = band
     radius = math.sqrt(CUTOFF_Z) / scale
-    a = _corner(points, faces[face, 0], top)
-    b = _corner(points, faces[face, 1], top)
-    c = _corner(points, faces[face, 2], top)
-    columns = _find_pixels(a[0], b[0], c[0], radius, width)
-    rows = _find_pixels(a[1], b[1], c[1], radius, height)
-    return (a, b, c), columns, rows
+    corners, boxes = chunk.corners, chunk.boxes
+    for f in range(count):
+        for k in range(3):
+            vert = faces[first + f, k]
+            corners[2 * k * CHUNK + f] = points[vert, 0]
+            corners[(2 * k + 1) * CHUNK + f] = np.float64(points[vert, 1]) - top
+    for f in range(count):
+        (ax, ay), (bx, by), (cx, cy) = _read_corners(chunk, f)
+        boxes[f], boxes[CHUNK + f] = _find_pixels(ax, bx, cx, radius, width)
+        boxes[2 * CHUNK + f], boxes[3 * CHUNK + f] = _find_pixels(ay, by, cy, radius, height)
 
 
 @_jit
-def _make_cells(height, width):
-    """Which cells of an image are live, that is not spent throughout: all, at first."""
-    return np.ones(((height + CELL - 1) // CELL, (width + CELL - 1) // CELL), np.bool_)
+def _read_corners(chunk, f):
+    """Corners a, b and c of a chunk's face."""
+    corners = chunk.corners
+    return (
+        (corners[f], corners[CHUNK + f]),
+        (corners[2 * CHUNK + f], corners[3 * CHUNK + f]),
+        (corners[4 * CHUNK + f], corners[5 * CHUNK + f]),
+    )
 
 
 @_jit
-def _is_live(product, stride, cell, height, width):
-    """Whether any pixel of a cell is not spent."""
-    for y in range(CELL * cell[0], min(CELL * cell[0] + CELL, height)):
-        for x in range(CELL * cell[1], min(CELL * cell[1] + CELL, width)):
-            if product[y * stride + x] < np.float32(SPENT):
-                return True
-    return False
+def _read_box(chunk, f):
+    """First and past-the-last column, and row, of the pixels that a chunk's face may reach."""
+    boxes = chunk.boxes
+    return (boxes[f], boxes[CHUNK + f]), (boxes[2 * CHUNK + f], boxes[3 * CHUNK + f])
 
 
 @_jit
-def _refresh(cells, product, stride, height, width):
-    """Look which of the live cells are still live."""
-    for row in range(cells.shape[0]):
-        for column in range(cells.shape[1]):
-            if cells[row, column]:
-                cell = row, column
-                cells[row, column] = _is_live(product, stride, cell, height, width)
+def _count_blocks(height, width):
+    """Rows and columns of the blocks of an image, of which the last may go on beyond its sides.
+
+    Their columns are of an odd number: with a power of two, blocks below each other would compete
+    for the same lines of the cache.
+    """
+    return (height + ROWS - 1) // ROWS, (width + COLUMNS - 1) // COLUMNS | 1
 
 
 @_jit
-def _any_live(cells, columns, rows):
-    """Whether any of the pixels in these columns and rows, first and past-the-last, is live."""
-    if columns[0] >= columns[1]:
+def _refresh(live, product):
+    """Look which blocks hold a pixel that is not spent."""
+    one = splat(np.float32(1))
+    zero = splat(np.float32(0))
+    for row in range(live.shape[0]):
+        for column in range(live.shape[1]):
+            p = load(product, (row * live.shape[1] + column) * LANES)
+            live[row, column] = any_nonzero(where_less(p, splat(np.float32(SPENT)), one, zero))
+
+
+@_jit
+def _reaches(live, side, columns, rows):
+    """Whether a live part of an image holds any of the pixels of these columns and rows.
+
+    Args:
+        live: [rows, columns] bool, which parts of height and width ``side`` are live
+        columns, rows: first and past-the-last
+    """
+    if columns[0] >= columns[1] or rows[0] >= rows[1]:
         return False
-    for row in range(rows[0] // CELL, (rows[1] + CELL - 1) // CELL):
-        for column in range(columns[0] // CELL, (columns[1] + CELL - 1) // CELL):
-            if cells[row, column]:
+    for row in range(rows[0] // side[0], (rows[1] - 1) // side[0] + 1):
+        for column in range(columns[0] // side[1], (columns[1] - 1) // side[1] + 1):
+            if live[row, column]:
                 return True
     return False
+
+
+@_jit
+def _keep(chunk, f, kept):
+    """Move what is known of a face of a chunk to the place of an earlier one."""
+    for k in range(6):
+        chunk.corners[k * CHUNK + kept] = chunk.corners[k * CHUNK + f]
+    for k in range(4):
+        chunk.boxes[k * CHUNK + kept] = chunk.boxes[k * CHUNK + f]
+
+
+@_jit
+def _set_up(points, faces, first, band, scale, live, side, chunk):
+    """Enter what of CHUNK faces from ``first`` on reaches a live part; return how many do."""
+    count = min(CHUNK, faces.shape[0] - first)
+    _find_boxes(points, faces, first, count, band, scale, chunk)
+    kept = 0
+    for f in range(count):
+        columns, rows = _read_box(chunk, f)
+        if _reaches(live, side, columns, rows):
+            if kept < f:
+                _keep(chunk, f, kept)
+            chunk.faces[kept] = first + f
+            kept += 1
+    for f in range(kept):
+        (x, _), (y, _) = _read_box(chunk, f)
+        _see(chunk, f, x - x % COLUMNS, y - y % ROWS, scale)
+    return kept
 
 
 @_jit
 def _see_line(edge, x, y):
-    """An edge from the pixel whose centre is (x, y)."""
+    """An edge from the point (x, y)."""
     u = edge.ux * (x - edge.ax) + edge.uy * (y - edge.ay)
     v = edge.vx * (x - edge.ax) + edge.vy * (y - edge.ay)
     share = 1.0 / edge.length if edge.length > 0 else 0.0
@@ -248,13 +322,13 @@ def _see_line(edge, x, y):
 
 @_jit
 def _find_bound(edge, x, y):
-    """An edge's bound from the pixel whose centre is (x, y); no branch, which would be a guess."""
+    """An edge's bound from the point (x, y); no branch, which would be a guess."""
     reach = -math.sqrt(CUTOFF_Z) - edge.vx * (x - edge.ax) - edge.vy * (y - edge.ay)
     level = LEVEL * abs(edge.vy)
     per_row = 1 / edge.vx
     slope = -edge.vy * per_row
-    left = max(min(reach * per_row + min(slope, 0.0) - SLACK, FAR), -FAR)
-    right = max(min(reach * per_row + max(slope, 0.0) + SLACK, FAR), -FAR)
+    left = max(min(reach * per_row + (ROWS - 1) * min(slope, 0.0) - SLACK, FAR), -FAR)
+    right = max(min(reach * per_row + (ROWS - 1) * max(slope, 0.0) + SLACK, FAR), -FAR)
     left = left if edge.vx > level else -FAR
     right = right if -edge.vx > level else FAR
     slope = slope if abs(edge.vx) > level else 0.0
@@ -262,30 +336,86 @@ def _find_bound(edge, x, y):
 
 
 @_jit
-def _find_bounds(edges, x, y, width):
-    """The bounds of the edges from the centre of pixel (x, y); of a narrow window its sides do."""
-    ab, bc, ca = edges
-    if width <= NARROW:
-        none = Bound(np.float32(-FAR), np.float32(FAR), np.float32(0.0))
-        return none, none, none
-    x += 0.5
-    y += 0.5
-    return _find_bound(ab, x, y), _find_bound(bc, x, y), _find_bound(ca, x, y)
+def _see(chunk, f, x, y, scale):
+    """Make a face's lines, bounds and corners as seen from the centre of pixel (x, y)."""
+    made = chunk.made
+    a, b, c = _read_corners(chunk, f)
+    (ab, bc, ca), inside, tie = _make_edges(a, b, c, scale)
+    centre = x + 0.5, y + 0.5
+    _write_edge(made, 0, f, ab, centre)
+    _write_edge(made, 1, f, bc, centre)
+    _write_edge(made, 2, f, ca, centre)
+    made[33 * CHUNK + f] = inside
+    made[34 * CHUNK + f] = tie
+    made[35 * CHUNK + f] = a[0] - c[0]
+    made[36 * CHUNK + f] = a[1] - c[1]
+    made[37 * CHUNK + f] = b[0] - c[0]
+    made[38 * CHUNK + f] = b[1] - c[1]
+    made[39 * CHUNK + f] = c[0] - centre[0]
+    made[40 * CHUNK + f] = c[1] - centre[1]
 
 
 @_jit
-def _find_span(bounds, j, width):
-    """First pixel and number of blocks to visit in rows j and j + 1 of a window."""
-    if width <= NARROW:
-        return np.int64(0), (width + COLUMNS - 1) // COLUMNS
+def _write_edge(made, k, f, edge, centre):
+    """Enter the line and the bound of a face's edge as seen from a pixel's centre."""
+    line, at = _see_line(edge, centre[0], centre[1]), 8 * k * CHUNK + f
+    made[at] = line.before
+    made[at + CHUNK] = line.after
+    made[at + 2 * CHUNK] = line.across
+    made[at + 3 * CHUNK] = line.ux
+    made[at + 4 * CHUNK] = line.uy
+    made[at + 5 * CHUNK] = line.vx
+    made[at + 6 * CHUNK] = line.vy
+    made[at + 7 * CHUNK] = line.share
+    bound, at = _find_bound(edge, centre[0], centre[1]), (24 + 3 * k) * CHUNK + f
+    made[at] = bound.left
+    made[at + CHUNK] = bound.right
+    made[at + 2 * CHUNK] = bound.slope
+
+
+@_jit
+def _read_line(made, k, f):
+    at = 8 * k * CHUNK + f
+    return Line(
+        made[at],
+        made[at + CHUNK],
+        made[at + 2 * CHUNK],
+        made[at + 3 * CHUNK],
+        made[at + 4 * CHUNK],
+        made[at + 5 * CHUNK],
+        made[at + 6 * CHUNK],
+        made[at + 7 * CHUNK],
+    )
+
+
+@_jit
+def _read_bound(made, k, f):
+    at = (24 + 3 * k) * CHUNK + f
+    return Bound(made[at], made[at + CHUNK], made[at + 2 * CHUNK])
+
+
+@_jit
+def _read_lines(made, f):
+    return _read_line(made, 0, f), _read_line(made, 1, f), _read_line(made, 2, f)
+
+
+@_jit
+def _read_bounds(made, f):
+    return _read_bound(made, 0, f), _read_bound(made, 1, f), _read_bound(made, 2, f)
+
+
+@_jit
+def _find_span(bounds, row, columns):
+    """First and past-the-last block to visit in a row of blocks, of those in ``columns``."""
+    if columns[1] - columns[0] <= NARROW:
+        return columns
     ab, bc, ca = bounds
+    j = np.float32(ROWS * row)
     low = max(ab.left + ab.slope * j, bc.left + bc.slope * j, ca.left + ca.slope * j)
     high = min(ab.right + ab.slope * j, bc.right + bc.slope * j, ca.right + ca.slope * j)
-    first = np.int64(max(low, np.float32(0)))
-    if width == WINDOW:
-        first -= first % COLUMNS  # so that no block reaches into the next window
-    last = np.int64(min(high, np.float32(width - 1)))
-    return first, (last - first + COLUMNS) // COLUMNS if last >= first else 0
+    first = np.int64(max(low, np.float32(COLUMNS * columns[0]))) // COLUMNS
+    last = np.int64(max(min(high, np.float32(COLUMNS * columns[1] - 1)), np.float32(-1)))
+    return first, (last + COLUMNS) // COLUMNS
 
 
 @_jit
@@ -321,38 +451,47 @@ def _odds(distance2, across, inside):
 
 
 @_jit
-def _multiply_window(product, start, stride, lines, bounds, inside, extent):
-    """Multiply P by the 1 + 2^z of one triangle in one window."""
-    ab, bc, ca = lines
-    height, width = extent
-    inside = splat(inside)
-    for row in range(0, height, ROWS):
-        first, blocks = _find_span(bounds, np.float32(row), width)
-        j = splat(np.float32(row)) + rows()
+def _multiply_window(product, start, stride, chunk, f, window):
+    """Multiply P by the 1 + 2^z of a face of a chunk in one window.
+
+    Args:
+        product: the image or tile begins at ``start``, its rows of blocks are ``stride`` blocks
+            long
+        window: first and past-the-last column, and row, of blocks from where the face is seen
+    """
+    ab, bc, ca = _read_lines(chunk.made, f)
+    bounds = _read_bounds(chunk.made, f)
+    inside = splat(chunk.made[33 * CHUNK + f])
+    columns_, (top, bottom) = window
+    for row in range(top, bottom):
+        first, end = _find_span(bounds, row, columns_)
+        j = splat(np.float32(ROWS * row)) + rows()
         row_ab = _enter_rows(ab, j)
         row_bc = _enter_rows(bc, j)
         row_ca = _enter_rows(ca, j)
-        i = splat(np.float32(first)) + columns()
-        k = start + row * stride + first
-        for _ in range(blocks):
+        i = splat(np.float32(COLUMNS * first)) + columns()
+        k = start + (row * stride + first) * LANES
+        for _ in range(first, end):
             _, v_ab, d_ab = _measure(row_ab, i)
             _, v_bc, d_bc = _measure(row_bc, i)
             _, v_ca, d_ca = _measure(row_ca, i)
             nearest = smaller(smaller(d_ab, d_bc), d_ca)
             odds = _odds(nearest, smaller(smaller(v_ab, v_bc), v_ca), inside)
-            p = load(product, k, stride)
-            store(product, k, stride, plus_product(p, p, odds))
+            p = load(product, k)
+            store(product, k, plus_product(p, p, odds))
             i = i + splat(np.float32(COLUMNS))
-            k += COLUMNS
+            k += LANES
 
 
 @_jit
-def _see_lines(edges, x, y):
-    """The edges of a triangle from the centre of pixel (x, y)."""
-    ab, bc, ca = edges
-    x += 0.5
-    y += 0.5
-    return _see_line(ab, x, y), _see_line(bc, x, y), _see_line(ca, x, y)
+def _find_window(columns, rows, x, y):
+    """The blocks of a window from (x, y) on that hold pixels of these columns and rows."""
+    right = min(columns[1] - x, WINDOW)
+    bottom = min(rows[1] - y, WINDOW)
+    return (
+        (np.int64(0), (right + COLUMNS - 1) // COLUMNS),
+        (np.int64(0), (bottom + ROWS - 1) // ROWS),
+    )
 
 
 @_jit
@@ -364,54 +503,63 @@ def _fill_product(points, faces, band, scale, product):
         faces: [faces, 3] int64
         band: its first row in the image, its height and its width
         scale: from pixels to lengths whose square is z
-        product: float32, flat, of ``_count_padded`` pixels, written
+        product: float32, of ``_count_padded`` pixels, block after block, written
     """
-    _, height, width = band
-    stride = width + COLUMNS
+    blocks = _count_blocks(band[1], band[2])
+    live = np.ones(blocks, np.bool_)
+    chunk = _make_chunk()
     product[:] = 1
-    cells = _make_cells(height, width)
-    for face in range(faces.shape[0]):
-        if face % REFRESH == 0 and face:
-            _refresh(cells, product, stride, height, width)
-        (a, b, c), (x0, x1), (y0, y1) = _find_face(points, faces, face, band, scale)
-        if not _any_live(cells, (x0, x1), (y0, y1)):
-            continue
-        edges, inside, _ = _make_edges(a, b, c, scale)
-        for y in range(y0, y1, WINDOW):
-            for x in range(x0, x1, WINDOW):
-                lines = _see_lines(edges, x, y)
-                extent = min(WINDOW, y1 - y), min(WINDOW, x1 - x)
-                bounds = _find_bounds(edges, x, y, extent[1])
-                _multiply_window(product, y * stride + x, stride, lines, bounds, inside, extent)
+    for first in range(0, faces.shape[0], CHUNK):
+        if first % REFRESH == 0 and first:
+            _refresh(live, product)
+        count = _set_up(points, faces, first, band, scale, live, (ROWS, COLUMNS), chunk)
+        for f in range(count):
+            columns, rows = _read_box(chunk, f)
+            left, top = columns[0] - columns[0] % COLUMNS, rows[0] - rows[0] % ROWS
+            for y in range(top, rows[1], WINDOW):
+                for x in range(left, columns[1], WINDOW):
+                    if x > left or y > top:
+                        _see(chunk, f, x, y, scale)
+                    start = (y // ROWS * blocks[1] + x // COLUMNS) * LANES
+                    window = _find_window(columns, rows, x, y)
+                    _multiply_window(product, start, blocks[1], chunk, f, window)
 
 
 @_jit
-def _sum_window(weight, start, stride, lines, bounds, inside, tie, corners, extent):
+def _sum_window(weight, start, stride, chunk, f, window):
     """Sum over a window: w (p - c) times the barycentric coordinates of c, the nearest point.
 
-    w is ``weight`` times D with the sign of z. Returns the sums of all, of a's share and of b's.
+    w is ``weight`` times D with the sign of z. Arguments as those of ``_multiply_window``.
+    Returns the sums of all, of a's share and of b's.
     """
-    ab, bc, ca = lines
-    (ax, ay), (bx, by), (cx, cy) = corners
-    height, width = extent
+    made = chunk.made
+    ab, bc, ca = _read_lines(made, f)
+    bounds = _read_bounds(made, f)
     zero = splat(np.float32(0))
     one = splat(np.float32(1))
-    inside = splat(inside)
-    tie = splat(tie)
+    inside = splat(made[33 * CHUNK + f])
+    tie = splat(made[34 * CHUNK + f])
+    ax = splat(made[35 * CHUNK + f])
+    ay = splat(made[36 * CHUNK + f])
+    bx = splat(made[37 * CHUNK + f])
+    by = splat(made[38 * CHUNK + f])
+    cx = splat(made[39 * CHUNK + f])
+    cy = splat(made[40 * CHUNK + f])
     sum_x, sum_y, sum_ax, sum_ay, sum_bx, sum_by = zero, zero, zero, zero, zero, zero
-    for row in range(0, height, ROWS):
-        first, blocks = _find_span(bounds, np.float32(row), width)
-        j = splat(np.float32(row)) + rows()
+    columns_, (top, bottom) = window
+    for row in range(top, bottom):
+        first, end = _find_span(bounds, row, columns_)
+        j = splat(np.float32(ROWS * row)) + rows()
         row_ab = _enter_rows(ab, j)
         row_bc = _enter_rows(bc, j)
         row_ca = _enter_rows(ca, j)
-        below = j - splat(cy)
-        i = splat(np.float32(first - COLUMNS)) + columns()
-        k = start + row * stride + first - COLUMNS
-        for _ in range(blocks):
+        below = j - cy
+        i = splat(np.float32(COLUMNS * (first - 1))) + columns()
+        k = start + (row * stride + first - 1) * LANES
+        for _ in range(first, end):
             i = i + splat(np.float32(COLUMNS))
-            k += COLUMNS
-            w = load(weight, k, stride)
+            k += LANES
+            w = load(weight, k)
             if not any_nonzero(w):
                 continue
             s_ab, v_ab, d_ab = _measure(row_ab, i)
@@ -434,8 +582,8 @@ def _sum_window(weight, start, stride, lines, bounds, inside, tie, corners, exte
             on_a = where_less(others, rival_ab, on_a, one - s)
             on_b = where_less(others, rival_ab, on_b, s)
 
-            x = minus_product(minus_product(i - splat(cx), on_a, splat(ax)), on_b, splat(bx))
-            y = minus_product(minus_product(below, on_a, splat(ay)), on_b, splat(by))
+            x = minus_product(minus_product(i - cx, on_a, ax), on_b, bx)
+            y = minus_product(minus_product(below, on_a, ay), on_b, by)
             x = w * x
             y = w * y
             sum_x = sum_x + x
@@ -444,17 +592,19 @@ def _sum_window(weight, start, stride, lines, bounds, inside, tie, corners, exte
             sum_ay = plus_product(sum_ay, on_a, y)
             sum_bx = plus_product(sum_bx, on_b, x)
             sum_by = plus_product(sum_by, on_b, y)
-    return total(sum_x), total(sum_y), total(sum_ax), total(sum_ay), total(sum_bx), total(sum_by)
+    return totals(sum_x, sum_y, sum_ax, sum_ay, sum_bx, sum_by)
 
 
 @_jit
-def _see_corners(a, b, c, x, y):
-    """c from the centre of pixel (x, y), a and b from c, in pixels, float32."""
-    return (
-        (np.float32(a[0] - c[0]), np.float32(a[1] - c[1])),
-        (np.float32(b[0] - c[0]), np.float32(b[1] - c[1])),
-        (np.float32(c[0] - x - 0.5), np.float32(c[1] - y - 0.5)),
-    )
+def _add_gradient(gradient, faces, face, sums):
+    """Add the sums of ``_sum_window`` to the gradients of a face's corners."""
+    x, y, ax, ay, bx, by = sums
+    gradient[faces[face, 0], 0] += ax
+    gradient[faces[face, 0], 1] += ay
+    gradient[faces[face, 1], 0] += bx
+    gradient[faces[face, 1], 1] += by
+    gradient[faces[face, 2], 0] += x - ax - bx
+    gradient[faces[face, 2], 1] += y - ay - by
 
 
 @_jit
@@ -466,60 +616,68 @@ def _fill_gradient(points, faces, band, scale, product, weight, gradient):
         weight: float32, laid out as ``product``: T times the gradient with respect to alpha
         gradient: [verts, 2] float32, added to
     """
-    _, height, width = band
-    stride = width + COLUMNS
-    cells = _make_cells(height, width)
-    _refresh(cells, product, stride, height, width)
-    for face in range(faces.shape[0]):
-        (a, b, c), (x0, x1), (y0, y1) = _find_face(points, faces, face, band, scale)
-        if not _any_live(cells, (x0, x1), (y0, y1)):
-            continue
-        edges, inside, tie = _make_edges(a, b, c, scale)
-        for y in range(y0, y1, WINDOW):
-            for x in range(x0, x1, WINDOW):
-                lines = _see_lines(edges, x, y)
-                corners = _see_corners(a, b, c, x, y)
-                extent = min(WINDOW, y1 - y), min(WINDOW, x1 - x)
-                bounds = _find_bounds(edges, x, y, extent[1])
-                gx, gy, gax, gay, gbx, gby = _sum_window(
-                    weight, y * stride + x, stride, lines, bounds, inside, tie, corners, extent
-                )
-                gradient[faces[face, 0], 0] += gax
-                gradient[faces[face, 0], 1] += gay
-                gradient[faces[face, 1], 0] += gbx
-                gradient[faces[face, 1], 1] += gby
-                gradient[faces[face, 2], 0] += gx - gax - gbx
-                gradient[faces[face, 2], 1] += gy - gay - gby
+    blocks = _count_blocks(band[1], band[2])
+    live = np.empty(blocks, np.bool_)
+    chunk = _make_chunk()
+    _refresh(live, product)
+    for first in range(0, faces.shape[0], CHUNK):
+        count = _set_up(points, faces, first, band, scale, live, (ROWS, COLUMNS), chunk)
+        for f in range(count):
+            columns, rows = _read_box(chunk, f)
+            left, top = columns[0] - columns[0] % COLUMNS, rows[0] - rows[0] % ROWS
+            for y in range(top, rows[1], WINDOW):
+                for x in range(left, columns[1], WINDOW):
+                    if x > left or y > top:
+                        _see(chunk, f, x, y, scale)
+                    start = (y // ROWS * blocks[1] + x // COLUMNS) * LANES
+                    window = _find_window(columns, rows, x, y)
+                    sums = _sum_window(weight, start, blocks[1], chunk, f, window)
+                    _add_gradient(gradient, faces, chunk.faces[f], sums)
 
 
 @_jit
-def _fill_alpha(points, faces, top, scale, product, alpha):
-    """P and alpha = 1 - 1 / P of one band of a view, alpha [height, width], from row ``top``."""
-    height, width = alpha.shape
-    _fill_product(points, faces, (top, height, width), scale, product)
-    for y in range(height):
-        for x in range(width):
-            p = product[y * (width + COLUMNS) + x]
-            alpha[y, x] = (p - np.float32(1)) / p if p < np.float32(np.inf) else np.float32(1)
+def _fill_alpha(product, stride, height, width, alpha):
+    """alpha = 1 - 1 / P of an image, by rows, from P, in rows of ``stride`` blocks."""
+    one = splat(np.float32(1))
+    for row in range((height + ROWS - 1) // ROWS):
+        for column in range((width + COLUMNS - 1) // COLUMNS):
+            k = (row * stride + column) * LANES
+            y, x = ROWS * row, COLUMNS * column
+            p = load(product, k)
+            shown = where_less(p, splat(np.float32(np.inf)), (p - one) / p, one)
+            if y + ROWS <= height and x + COLUMNS <= width:
+                scatter(alpha, y * width + x, width, shown)
+                continue
+            store(product, k, shown)
+            for n in range(LANES):
+                if y + n // COLUMNS < height and x + n % COLUMNS < width:
+                    alpha[(y + n // COLUMNS) * width + x + n % COLUMNS] = product[k + n]
+            store(product, k, p)
 
 
 @_jit
-def _fill_back(points, faces, top, scale, product, upstream, weight, gradient):
-    """The gradient [verts, 2] of one band from that with respect to its alpha [height, width]."""
-    height, width = upstream.shape
-    stride = width + COLUMNS
-    weight[:] = 0
-    for y in range(height):
-        for x in range(width):
-            p = product[y * stride + x]
-            if p < np.float32(SPENT):
-                weight[y * stride + x] = upstream[y, x] / p
-    gradient[:] = 0
-    _fill_gradient(points, faces, (top, height, width), scale, product, weight, gradient)
-    factor = np.float32(-2 * scale * scale / LOG2_E)
-    for vert in range(gradient.shape[0]):
-        gradient[vert, 0] *= factor
-        gradient[vert, 1] *= factor
+def _fill_weight(product, stride, upstream, height, width, weight):
+    """T times the gradient with respect to alpha, 0 where P is spent and beyond the image.
+
+    Args:
+        product: in rows of ``stride`` blocks, as ``weight``, which is written
+        upstream: the gradient with respect to alpha, by rows
+    """
+    zero = splat(np.float32(0))
+    for row in range((height + ROWS - 1) // ROWS):
+        for column in range((width + COLUMNS - 1) // COLUMNS):
+            k = (row * stride + column) * LANES
+            y, x = ROWS * row, COLUMNS * column
+            if y + ROWS <= height and x + COLUMNS <= width:
+                above = gather(upstream, y * width + x, width)
+            else:
+                for n in range(LANES):
+                    within = y + n // COLUMNS < height and x + n % COLUMNS < width
+                    at = (y + n // COLUMNS) * width + x + n % COLUMNS
+                    weight[k + n] = upstream[at] if within else np.float32(0)
+                above = load(weight, k)
+            p = load(product, k)
+            store(weight, k, where_less(p, splat(np.float32(SPENT)), above / p, zero))
 
 
 def _keep_compiled(code: str) -> tuple[Callable, Callable]:
@@ -531,14 +689,20 @@ def _keep_compiled(code: str) -> tuple[Callable, Callable]:
     """
 
     @njit(cache=True, **OPTIONS)
-    def draw(points, faces, top, scale, product, alpha):
+    def draw(points, faces, band, scale, product, alpha):
         code  # noqa: B018
-        _fill_alpha(points, faces, top, scale, product, alpha)
+        _fill_product(points, faces, band, scale, product)
+        stride = _count_blocks(band[1], band[2])[1]
+        _fill_alpha(product, stride, band[1], band[2], alpha)
 
     @njit(cache=True, **OPTIONS)
-    def draw_back(points, faces, top, scale, product, upstream, weight, gradient):
+    def draw_back(points, faces, band, scale, product, upstream, weight, gradient):
         code  # noqa: B018
-        _fill_back(points, faces, top, scale, product, upstream, weight, gradient)
+        stride = _count_blocks(band[1], band[2])[1]
+        _fill_weight(product, stride, upstream, band[1], band[2], weight)
+        gradient[:] = 0
+        _fill_gradient(points, faces, band, scale, product, weight, gradient)
+        gradient *= np.float32(-2 * scale * scale / LOG2_E)
 
     return draw, draw_back
 
@@ -569,8 +733,10 @@ class _SoftSilhouettes(torch.autograd.Function):
         def draw(view, band, scratch):
             points, faces, product, alpha = arrays
             top, rows = bands[band]
+            place = (top, rows, size[1]), ctx.scale
             into = product[view, band] if kept else scratch
-            _draw(points[view], faces, top, ctx.scale, into, alpha[view, top : top + rows])
+            into = into[: _count_padded((rows, size[1]))]
+            _draw(points[view], faces, *place, into, alpha[view, top : top + rows].reshape(-1))
 
         _run(draw, len(points), len(bands), padded)
         return alpha
@@ -585,18 +751,19 @@ class _SoftSilhouettes(torch.autograd.Function):
 
         def draw_back(view, band, weight):
             top, rows = bands[band]
+            place = (top, rows, upstream.shape[2]), ctx.scale
             here, into = product[view, band], gradient[view, band]
-            part = upstream[view, top : top + rows]
-            _draw_back(points[view], faces, top, ctx.scale, here, part, weight, into)
+            part = upstream[view, top : top + rows].reshape(-1)
+            _draw_back(points[view], faces, *place, here, part, weight, into)
 
         _run(draw_back, len(points), len(bands), product.shape[2])
         return torch.from_numpy(gradient.sum(axis=1)), None, None, None
 
 
 def _count_padded(size: tuple[int, int]) -> int:
-    """Pixels of an image whose last blocks may reach beyond its right and lower sides."""
-    height, width = size
-    return (height + ROWS) * (width + COLUMNS)
+    """Pixels of an image's blocks, of which some may lie beyond its right and lower sides."""
+    rows, columns = _count_blocks.py_func(*size)
+    return rows * columns * LANES
 
 
 def _cut(views: int, height: int) -> list[tuple[int, int]]:

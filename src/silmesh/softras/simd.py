@@ -1,28 +1,41 @@
-"""Eight float32 in one register, as a numba type: a block of 4 x 2 pixels.
+"""Float32 that fill one register, as a numba type: a block of 4 x 4 pixels, or of 4 x 2.
 
 numba's vectoriser gives up on the rasteriser's inner loop and its wheels carry no vector math
-library, so the kernels in ``silmesh.softras.cpu`` say themselves what is done eight pixels at a
-time. LLVM lowers ``<8 x float>`` to one register where there is AVX, and to two elsewhere.
+library, so the kernels in ``silmesh.softras.cpu`` say themselves what is done a block at a time.
+With AVX-512 a register holds sixteen numbers, four rows. Elsewhere a block has two rows: LLVM
+lowers ``<8 x float>`` to one register where there is AVX, and to two where there is not.
 
-    lane  0 1 2 3      of the pixels that begin at index k
-          4 5 6 7      of those in the row below, at k + stride
+    lane   0  1  2  3
+           4  5  6  7
+           8  9 10 11      of AVX-512 alone
+          12 13 14 15
+
+Images may be kept by rows, as ``gather`` and ``scatter`` take them, or block after block:
 
     x = splat(first) + columns()
-    d = load(pixels, k, stride) * x - splat(r)
-    store(pixels, k, stride, where_less(d, splat(0), a, b))
+    d = load(pixels, k) * x - splat(r)
+    store(pixels, k, where_less(d, splat(0), a, b))
 """
 
 import operator
 
 import numpy as np
-from llvmlite import ir
-from numba import njit, types
+from llvmlite import binding, ir
+from numba import config, njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic, models, overload, register_model
 
-LANES = 8
+
+def _has_avx512() -> bool:
+    """Whether numba compiles for a processor with AVX-512 (its settings may say another one)."""
+    if config.CPU_FEATURES is not None:
+        return "+avx512f" in config.CPU_FEATURES
+    return config.CPU_NAME is None and binding.get_host_cpu_features().get("avx512f", False)
+
+
 COLUMNS = 4
-ROWS = 2
+ROWS = 4 if _has_avx512() else 2
+LANES = COLUMNS * ROWS
 
 _F32 = ir.FloatType()
 _I32 = ir.IntType(32)
@@ -31,7 +44,7 @@ _INTEGERS = ir.VectorType(_I32, LANES)
 
 
 class LanesType(types.Type):
-    """The numba type of eight float32."""
+    """The numba type of a block of float32."""
 
     def __init__(self):
         super().__init__(name="Lanes")
@@ -54,7 +67,7 @@ def _call(builder, name, args, result=_VECTOR):
 
 
 def _repeat(builder, value):
-    """All eight lanes equal to one scalar."""
+    """All lanes equal to one scalar."""
     one = builder.insert_element(ir.Constant(_VECTOR, ir.Undefined), value, ir.Constant(_I32, 0))
     return builder.shuffle_vector(one, one, ir.Constant(_INTEGERS, [0] * LANES))
 
@@ -65,7 +78,7 @@ def _constant(value):
 
 @intrinsic
 def splat(typingctx, value):
-    """Eight times the same number."""
+    """The same number in all lanes."""
 
     def codegen(context, builder, signature, args):
         return _repeat(builder, context.cast(builder, args[0], value, types.float32))
@@ -84,20 +97,47 @@ def _pattern(values):
     return make
 
 
-columns = _pattern([0, 1, 2, 3, 0, 1, 2, 3])
-rows = _pattern([0, 0, 0, 0, 1, 1, 1, 1])
+columns = _pattern([lane % COLUMNS for lane in range(LANES)])
+rows = _pattern([lane // COLUMNS for lane in range(LANES)])
 
 
-def _pointers(context, builder, signature, args):
-    """Where the two rows of a block begin in a flat array; nothing is checked."""
-    data = context.make_array(signature.args[0])(context, builder, args[0]).data
-    k, stride = (
-        context.cast(builder, value, of, types.intp)
-        for value, of in zip(args[1:3], signature.args[1:3], strict=True)
-    )
-    half = ir.VectorType(_F32, COLUMNS).as_pointer()
-    starts = (k, builder.add(k, stride))
-    return [builder.bitcast(builder.gep(data, [start]), half) for start in starts]
+def _point(context, builder, of, array, index):
+    """Where a flat array's number at ``index`` lies; nothing is checked."""
+    data = context.make_array(of[0])(context, builder, array).data
+    return builder.gep(data, [context.cast(builder, index, of[1], types.intp)])
+
+
+@intrinsic
+def load(typingctx, array, index):
+    """The numbers from ``index`` on of a flat float32 array, one in each lane."""
+
+    def codegen(context, builder, signature, args):
+        at = _point(context, builder, signature.args, *args)
+        return builder.load(builder.bitcast(at, _VECTOR.as_pointer()), align=4)
+
+    return lanes(array, index), codegen
+
+
+@intrinsic
+def store(typingctx, array, index, value):
+    """Write the lanes from ``index`` on into a flat float32 array."""
+
+    def codegen(context, builder, signature, args):
+        at = _point(context, builder, signature.args, *args[:2])
+        builder.store(args[2], builder.bitcast(at, _VECTOR.as_pointer()), align=4)
+        return context.get_dummy_value()
+
+    return types.void(array, index, value), codegen
+
+
+def _row_pointers(context, builder, signature, args):
+    """Where the rows of a block begin in a flat array whose rows are args[2] apart."""
+    row = ir.VectorType(_F32, COLUMNS).as_pointer()
+    stride = context.cast(builder, args[2], signature.args[2], types.intp)
+    starts = [_point(context, builder, signature.args, *args[:2])]
+    for _ in range(1, ROWS):
+        starts.append(builder.gep(starts[-1], [stride]))
+    return [builder.bitcast(start, row) for start in starts]
 
 
 def _choose(first, count):
@@ -105,24 +145,27 @@ def _choose(first, count):
 
 
 @intrinsic
-def load(typingctx, array, index, stride):
+def gather(typingctx, array, index, stride):
     """The block at ``index`` of a flat float32 array whose rows are ``stride`` apart."""
 
     def codegen(context, builder, signature, args):
-        above, below = (
-            builder.load(at, align=4) for at in _pointers(context, builder, signature, args)
-        )
-        return builder.shuffle_vector(above, below, _choose(0, LANES))
+        at = _row_pointers(context, builder, signature, args)
+        parts = [builder.load(row, align=4) for row in at]
+        while len(parts) > 1:
+            both = _choose(0, 2 * parts[0].type.count)
+            pairs = zip(parts[::2], parts[1::2], strict=True)
+            parts = [builder.shuffle_vector(above, below, both) for above, below in pairs]
+        return parts[0]
 
     return lanes(array, index, stride), codegen
 
 
 @intrinsic
-def store(typingctx, array, index, stride, value):
+def scatter(typingctx, array, index, stride, value):
     """Write the block at ``index`` of a flat float32 array whose rows are ``stride`` apart."""
 
     def codegen(context, builder, signature, args):
-        for row, at in enumerate(_pointers(context, builder, signature, args)):
+        for row, at in enumerate(_row_pointers(context, builder, signature, args)):
             part = builder.shuffle_vector(args[3], args[3], _choose(row * COLUMNS, COLUMNS))
             builder.store(part, at, align=4)
         return context.get_dummy_value()
@@ -229,18 +272,31 @@ def any_nonzero(typingctx, a):
 
 
 @intrinsic
-def total(typingctx, a):
-    """The sum of the eight lanes, always in the same order."""
+def totals(typingctx, a, b, c, d, e, f):
+    """The sums of all lanes of each of six, always in the same order."""
 
     def codegen(context, builder, signature, args):
-        parts = [builder.extract_element(args[0], ir.Constant(_I32, i)) for i in range(LANES)]
+        parts, width = list(args), LANES
         while len(parts) > 1:
-            half = len(parts) // 2
-            pairs = zip(parts[:half], parts[half:], strict=True)
-            parts = [builder.fadd(a, b) for a, b in pairs]
-        return parts[0]
+            pairs = zip(parts[::2], parts[1::2] + parts[-1:], strict=False)
+            parts, width = [_fold(builder, *pair, width) for pair in pairs], width // 2
+        while width > 1:
+            parts, width = [_fold(builder, parts[0], parts[0], width)], width // 2
+        sums = [builder.extract_element(parts[0], ir.Constant(_I32, i)) for i in range(len(args))]
+        return context.make_tuple(builder, signature.return_type, sums)
 
-    return types.float32(lanes), codegen
+    return types.UniTuple(types.float32, 6)(lanes, lanes, lanes, lanes, lanes, lanes), codegen
+
+
+def _fold(builder, a, b, width):
+    """Add the halves of each group of ``width`` lanes of a, then of b: groups of half the width."""
+    groups = range(0, 2 * LANES, width)
+    half = width // 2
+    first, second = (
+        ir.Constant(_INTEGERS, [g + at + k for g in groups for k in range(half)])
+        for at in (0, half)
+    )
+    return builder.fadd(*(builder.shuffle_vector(a, b, which) for which in (first, second)))
 
 
 @intrinsic

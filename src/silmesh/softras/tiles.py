@@ -20,24 +20,27 @@ from torch import Tensor
 
 from silmesh.softras import cpu, reference, simd, soft_silhouettes
 from silmesh.softras.cpu import (
+    CHUNK,
     LOG2_E,
     OPTIONS,
-    SPENT,
-    _find_bounds,
-    _find_face,
+    WINDOW,
+    _add_gradient,
+    _fill_alpha,
+    _fill_weight,
     _jit,
-    _make_edges,
+    _make_chunk,
     _multiply_window,
+    _read_box,
     _run,
-    _see_corners,
-    _see_lines,
+    _see,
+    _set_up,
     _sum_window,
 )
-from silmesh.softras.simd import COLUMNS, ROWS
+from silmesh.softras.simd import COLUMNS, LANES, ROWS
 
 TILE = 32  # pixels
-STRIDE = TILE + COLUMNS
-PADDED = (TILE + ROWS) * STRIDE  # pixels of a tile whose last blocks may reach beyond its sides
+PIXELS = TILE**2
+STRIDE = TILE // COLUMNS  # blocks in a row of a tile
 
 
 @dataclass(frozen=True)
@@ -105,24 +108,42 @@ def gather_tiles(images: Tensor, tiles: Tiles) -> Tensor:
 
 
 @_jit
-def _any_tile(number, columns, rows):
-    """Whether any tile of these pixels, first and past-the-last, is wanted."""
-    if columns[0] >= columns[1] or rows[0] >= rows[1]:
-        return False
-    for row in range(rows[0] // TILE, (rows[1] - 1) // TILE + 1):
-        for column in range(columns[0] // TILE, (columns[1] - 1) // TILE + 1):
-            if number[row, column] >= 0:
-                return True
-    return False
+def _find_origin(columns, rows):
+    """First pixel of the block in which a range of pixels begins."""
+    return columns[0] - columns[0] % COLUMNS, rows[0] - rows[0] % ROWS
 
 
 @_jit
-def _enter_tile(columns, rows, column, row):
-    """First pixel and extent (height, width) of the part of a range that lies in a tile."""
-    x = max(columns[0], column * TILE)
-    y = max(rows[0], row * TILE)
-    extent = min(rows[1], (row + 1) * TILE) - y, min(columns[1], (column + 1) * TILE) - x
-    return x, y, extent
+def _find_tiles(columns, rows):
+    """First and past-the-last column and row of the tiles that hold these pixels."""
+    return (
+        (columns[0] // TILE, (columns[1] - 1) // TILE + 1),
+        (rows[0] // TILE, (rows[1] - 1) // TILE + 1),
+    )
+
+
+@_jit
+def _enter_tile(chunk, f, column, row, scale):
+    """A face's window in a tile, and where in the tile the face is seen from, in blocks.
+
+    A large face is seen anew from where it enters the tile.
+
+    Returns:
+        window: as ``cpu._multiply_window`` takes it
+        at: number of a block that begins at the tile's first, often a negative one
+    """
+    columns, rows = _read_box(chunk, f)
+    x, y = _find_origin(columns, rows)
+    left, right = max(x, column * TILE), min(columns[1], (column + 1) * TILE)
+    top, bottom = max(y, row * TILE), min(rows[1], (row + 1) * TILE)
+    if max(columns[1] - x, rows[1] - y) > WINDOW:
+        x, y = left, top
+        _see(chunk, f, x, y, scale)
+    window = (
+        ((left - x) // COLUMNS, (right - x + COLUMNS - 1) // COLUMNS),
+        ((top - y) // ROWS, (bottom - y + ROWS - 1) // ROWS),
+    )
+    return window, (y - row * TILE) // ROWS * STRIDE + (x - column * TILE) // COLUMNS
 
 
 @_jit
@@ -133,25 +154,20 @@ def _fill_products(points, faces, number, first, size, scale, product):
         points, faces, scale: as in ``cpu``
         number: [rows, columns] of the tiles; ``first`` is that of ``product``'s first
         size: height and width of the image
-        product: float32, flat, of PADDED pixels a tile, written
+        product: float32, of PIXELS a tile, block after block, written
     """
     product[:] = 1
-    band = 0, size[0], size[1]
-    for face in range(faces.shape[0]):
-        (a, b, c), columns, rows = _find_face(points, faces, face, band, scale)
-        if not _any_tile(number, columns, rows):
-            continue
-        edges, inside, _ = _make_edges(a, b, c, scale)
-        for row in range(rows[0] // TILE, (rows[1] - 1) // TILE + 1):
-            for column in range(columns[0] // TILE, (columns[1] - 1) // TILE + 1):
-                tile = number[row, column] - first
-                if number[row, column] < 0:
-                    continue
-                x, y, extent = _enter_tile(columns, rows, column, row)
-                start = tile * PADDED + (y - row * TILE) * STRIDE + x - column * TILE
-                lines = _see_lines(edges, x, y)
-                bounds = _find_bounds(edges, x, y, extent[1])
-                _multiply_window(product, start, STRIDE, lines, bounds, inside, extent)
+    band, wanted, chunk = (0, size[0], size[1]), number >= 0, _make_chunk()
+    for begin in range(0, faces.shape[0], CHUNK):
+        count = _set_up(points, faces, begin, band, scale, wanted, (TILE, TILE), chunk)
+        for f in range(count):
+            columns, rows = _find_tiles(*_read_box(chunk, f))
+            for row in range(rows[0], rows[1]):
+                for column in range(columns[0], columns[1]):
+                    if wanted[row, column]:
+                        window, at = _enter_tile(chunk, f, column, row, scale)
+                        start = (number[row, column] - first) * PIXELS + at * LANES
+                        _multiply_window(product, start, STRIDE, chunk, f, window)
 
 
 @_jit
@@ -163,31 +179,18 @@ def _fill_gradients(points, faces, number, first, size, scale, weight, gradient)
         weight: laid out as its product: T times the gradient with respect to alpha
         gradient: [verts, 2] float32, added to
     """
-    band = 0, size[0], size[1]
-    for face in range(faces.shape[0]):
-        (a, b, c), columns, rows = _find_face(points, faces, face, band, scale)
-        if not _any_tile(number, columns, rows):
-            continue
-        edges, inside, tie = _make_edges(a, b, c, scale)
-        for row in range(rows[0] // TILE, (rows[1] - 1) // TILE + 1):
-            for column in range(columns[0] // TILE, (columns[1] - 1) // TILE + 1):
-                tile = number[row, column] - first
-                if number[row, column] < 0:
-                    continue
-                x, y, extent = _enter_tile(columns, rows, column, row)
-                start = tile * PADDED + (y - row * TILE) * STRIDE + x - column * TILE
-                lines = _see_lines(edges, x, y)
-                corners = _see_corners(a, b, c, x, y)
-                bounds = _find_bounds(edges, x, y, extent[1])
-                gx, gy, gax, gay, gbx, gby = _sum_window(
-                    weight, start, STRIDE, lines, bounds, inside, tie, corners, extent
-                )
-                gradient[faces[face, 0], 0] += gax
-                gradient[faces[face, 0], 1] += gay
-                gradient[faces[face, 1], 0] += gbx
-                gradient[faces[face, 1], 1] += gby
-                gradient[faces[face, 2], 0] += gx - gax - gbx
-                gradient[faces[face, 2], 1] += gy - gay - gby
+    band, wanted, chunk = (0, size[0], size[1]), number >= 0, _make_chunk()
+    for begin in range(0, faces.shape[0], CHUNK):
+        count = _set_up(points, faces, begin, band, scale, wanted, (TILE, TILE), chunk)
+        for f in range(count):
+            columns, rows = _find_tiles(*_read_box(chunk, f))
+            for row in range(rows[0], rows[1]):
+                for column in range(columns[0], columns[1]):
+                    if wanted[row, column]:
+                        window, at = _enter_tile(chunk, f, column, row, scale)
+                        start = (number[row, column] - first) * PIXELS + at * LANES
+                        sums = _sum_window(weight, start, STRIDE, chunk, f, window)
+                        _add_gradient(gradient, faces, chunk.faces[f], sums)
 
 
 def _keep_compiled(code: str) -> tuple[Callable, Callable]:
@@ -197,23 +200,13 @@ def _keep_compiled(code: str) -> tuple[Callable, Callable]:
     def draw(points, faces, number, first, size, scale, product, alpha):
         code  # noqa: B018
         _fill_products(points, faces, number, first, size, scale, product)
-        for tile in range(alpha.shape[0]):
-            for y in range(TILE):
-                for x in range(TILE):
-                    p = product[tile * PADDED + y * STRIDE + x]
-                    finite = p < np.float32(np.inf)
-                    alpha[tile, y, x] = (p - np.float32(1)) / p if finite else np.float32(1)
+        _fill_alpha(product, STRIDE, alpha.shape[0] // TILE, TILE, alpha)
 
     @njit(cache=True, **OPTIONS)
     def draw_back(points, faces, number, first, size, scale, product, upstream, gradient):
         code  # noqa: B018
-        weight = np.zeros(product.shape[0], np.float32)
-        for tile in range(upstream.shape[0]):
-            for y in range(TILE):
-                for x in range(TILE):
-                    at = tile * PADDED + y * STRIDE + x
-                    if product[at] < np.float32(SPENT):
-                        weight[at] = upstream[tile, y, x] / product[at]
+        weight = np.empty(product.shape[0], np.float32)
+        _fill_weight(product, STRIDE, upstream, upstream.shape[0] // TILE, TILE, weight)
         gradient[:] = 0
         _fill_gradients(points, faces, number, first, size, scale, weight, gradient)
         gradient *= np.float32(-2 * scale * scale / LOG2_E)
@@ -232,13 +225,13 @@ class _SoftTiles(torch.autograd.Function):
         ctx.tiles, ctx.scale = tiles, math.sqrt(LOG2_E / sigma) / (max(tiles.size) / 2)
         ends = tiles.ends
         alpha = points.new_empty(tiles.count, TILE, TILE)
-        product = points.new_empty(tiles.count * PADDED)
+        product = points.new_empty(tiles.count * PIXELS)
         ctx.save_for_backward(points, faces, product)
 
         def draw(view, _, __):
             first, end = ends[view : view + 2]
-            of_view = product.numpy()[first * PADDED : end * PADDED]
-            images = of_view, alpha.numpy()[first:end]
+            of_view = product.numpy()[first * PIXELS : end * PIXELS]
+            images = of_view, alpha.numpy()[first:end].reshape(-1)
             place = tiles.number[view], first, tiles.size, ctx.scale
             _draw(points.numpy()[view], faces.numpy(), *place, *images)
 
@@ -254,7 +247,7 @@ class _SoftTiles(torch.autograd.Function):
 
         def draw_back(view, _, __):
             first, end = ends[view : view + 2]
-            of_view = product[first * PADDED : end * PADDED], upstream[first:end]
+            of_view = product[first * PIXELS : end * PIXELS], upstream[first:end].reshape(-1)
             place = tiles.number[view], first, tiles.size, ctx.scale
             _draw_back(points[view], faces, *place, *of_view, gradient[view])
 
