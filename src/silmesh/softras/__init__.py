@@ -1,18 +1,21 @@
 """Soft rasterisation: silhouettes that are differentiable in the projected vertices.
 
 ``soft_silhouettes`` is the entry for fitting. Its equations are in ``silmesh.softras.reference``,
-plain torch for any device and dtype; ``silmesh.softras.cpu`` holds the fast kernel for float32 on
-the CPU, tested against it.
+plain torch for any device and dtype; ``silmesh.softras.cpu`` and ``silmesh.softras.gpu`` hold the
+fast kernels for float32 on the CPU and on a GPU, tested against it.
 """
 
 import math
+from functools import cache
+from importlib.util import find_spec
+from types import ModuleType
 
 import torch
 from torch import Tensor
 
 from silmesh.softras import cpu, reference
 
-__all__ = ["check_arguments", "soft_silhouettes"]
+__all__ = ["check_arguments", "find_kernel", "has_triton", "soft_silhouettes"]
 
 
 def soft_silhouettes(
@@ -34,8 +37,24 @@ def soft_silhouettes(
         ValueError: a shape, dtype, device, index or sigma that cannot be rendered
     """
     size = check_arguments(points, faces, size, sigma)
-    fast = points.device.type == "cpu" and points.dtype == torch.float32
-    return (cpu if fast else reference).soft_silhouettes(points, faces, size, float(sigma))
+    return find_kernel(points).soft_silhouettes(points, faces, size, float(sigma))
+
+
+def find_kernel(points: Tensor) -> ModuleType:
+    """The fastest of the modules here that renders tensors of this dtype on this device."""
+    if points.dtype == torch.float32 and points.device.type == "cpu":
+        return cpu
+    if points.dtype == torch.float32 and points.device.type == "cuda" and has_triton():
+        from silmesh.softras import gpu  # and with it Triton, which takes a second
+
+        return gpu
+    return reference
+
+
+@cache
+def has_triton() -> bool:
+    """Whether what compiles the kernel for a GPU is installed."""
+    return find_spec("triton") is not None
 
 
 def check_arguments(

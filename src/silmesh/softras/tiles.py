@@ -18,7 +18,7 @@ import torch
 from numba import njit
 from torch import Tensor
 
-from silmesh.softras import cpu, reference, simd, soft_silhouettes
+from silmesh.softras import cpu, find_kernel, reference, simd, soft_silhouettes
 from silmesh.softras.cpu import (
     LOG2_E,
     OPTIONS,
@@ -63,6 +63,11 @@ class Tiles:
         """How many are wanted."""
         return int((self.number >= 0).sum())
 
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Of what is rendered: [tiles, TILE, TILE]."""
+        return self.count, TILE, TILE
+
     def select(self, views: list[int]) -> "Tiles":
         """The tiles of these views, numbered anew."""
         return find_tiles(self.number[views] >= 0, self.size)
@@ -89,8 +94,11 @@ def soft_tiles(points: Tensor, faces: Tensor, tiles: Tiles, sigma: float) -> Ten
     Returns:
         alpha [tiles, TILE, TILE], differentiable once with respect to ``points``
     """
-    if points.device.type == "cpu" and points.dtype == torch.float32:
+    kernel = find_kernel(points)
+    if kernel is cpu:
         return _SoftTiles.apply(points, faces, tiles, float(sigma))
+    if kernel is not reference:
+        return kernel.soft_tiles(points, faces, tiles, float(sigma))
     return gather_tiles(soft_silhouettes(points, faces, tiles.size, sigma), tiles)
 
 
