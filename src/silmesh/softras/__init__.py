@@ -12,10 +12,16 @@ from types import ModuleType
 
 import torch
 from torch import Tensor
+from torch.utils.weak import WeakIdKeyDictionary
 
 from silmesh.softras import cpu, reference
 
 __all__ = ["check_arguments", "find_kernel", "has_triton", "soft_silhouettes"]
+
+
+# Of faces that were checked: as they were then, and of how many points. A fit renders the same ones
+# again and again, and a GPU would have to answer each time.
+_KNOWN = WeakIdKeyDictionary()
 
 
 def soft_silhouettes(
@@ -93,8 +99,11 @@ def _check_faces(faces: Tensor, points: Tensor) -> None:
     if faces.device != points.device:
         raise ValueError(f"faces are on {faces.device}, points on {points.device}")
     verts = points.shape[1]
-    if len(faces) and not (faces.min() >= 0 and faces.max() < verts):
+    if not len(faces) or _KNOWN.get(faces) == (faces._version, verts):
+        return
+    if not (faces.min() >= 0 and faces.max() < verts):
         raise ValueError(
             f"faces should index {verts} points, from 0 to {verts - 1}, "
             f"not {int(faces.min())} to {int(faces.max())}"
         )
+    _KNOWN[faces] = faces._version, verts

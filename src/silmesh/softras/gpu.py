@@ -302,7 +302,7 @@ def soft_silhouettes(points: Tensor, faces: Tensor, size: tuple[int, int], sigma
 
 def soft_tiles(points: Tensor, faces: Tensor, tiles: "Tiles", sigma: float) -> Tensor:
     """As ``silmesh.softras.tiles.soft_tiles``, for float32 on a GPU."""
-    number = torch.from_numpy(tiles.number).to(points.device)
+    number = tiles.number_on(points.device)
     return _SoftSilhouettes.apply(points, faces, number, tiles.shape, tiles.size, sigma)
 
 

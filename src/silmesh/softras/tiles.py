@@ -10,7 +10,7 @@ images. The plain twin is ``gather_tiles`` of a whole rendering; equations and k
 import hashlib
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -52,6 +52,7 @@ class Tiles:
 
     number: np.ndarray
     size: tuple[int, int]
+    _on: dict[torch.device, Tensor] = field(default_factory=dict, compare=False, repr=False)
 
     @property
     def ends(self) -> np.ndarray:
@@ -62,6 +63,12 @@ class Tiles:
     def count(self) -> int:
         """How many are wanted."""
         return int((self.number >= 0).sum())
+
+    def number_on(self, device: torch.device) -> Tensor:
+        """``number`` in the memory of a device, where it was brought once."""
+        if device not in self._on:
+            self._on[device] = torch.from_numpy(self.number).to(device)
+        return self._on[device]
 
     @property
     def shape(self) -> tuple[int, int, int]:
