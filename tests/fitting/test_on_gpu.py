@@ -36,7 +36,7 @@ def _as_on_a_device(monkeypatch):
 def take_steps(procedure, views, settings, device):
     """Losses and vertices of a fit of a sphere."""
     cameras, seen = views
-    verts, faces = (part.to(device) for part in to_tensors(unit_sphere(24)))
+    verts, faces = (part.to(device) for part in to_tensors(unit_sphere(12)))
     fit = procedure(verts, faces, cameras, seen.to(device), settings)
     losses = []
     while not fit.done:
@@ -66,7 +66,7 @@ def test_a_band_on_a_gpu_is_that_on_the_cpu(monkeypatch):
     """A fit whose finest level looks at tiles about the outlines."""
     monkeypatch.setattr("silmesh.fitting.fast.BASE", SIZE)
     monkeypatch.setattr("silmesh.fitting.image_pyramid.BASE", SIZE)
-    cameras = turntable(2, 2 * SIZE)
+    cameras = turntable(3, 2 * SIZE)
     views = cameras, torch.tensor(silhouettes(cameras, [0.3, 0.35, 0.25]))
     settings = FastFit(iterations=2, coarse_to_fine=False, remesh=False, untangle=False)
     results = []

@@ -7,6 +7,8 @@ of x by the inverse again. So a step of x is smooth although the gradient is not
 without a gradient follow their neighbours.
 """
 
+import warnings
+
 import numpy as np
 import torch
 from scipy import sparse
@@ -50,8 +52,9 @@ def _make_solver(matrix: sparse.csc_array, smoothing: float, device: torch.devic
     """What gives the inverse times [n, columns] float64, on its device."""
     few, largest = matrix.shape[0] <= DIRECT, float(matrix.diagonal().max())
     if works_on(device):
-        there = _to_device(matrix, device)
-        return _Inverse(there) if few else _Chebyshev(there, largest)
+        if few:
+            return _Inverse(torch.from_numpy(matrix.toarray()).to(device))
+        return _Chebyshev(_to_device(matrix, device), largest)
     direct = few or not smoothing
     return _OnHost(_factorise(matrix) if direct else _Chebyshev(matrix.tocsr(), largest))
 
@@ -64,7 +67,11 @@ def works_on(device: torch.device) -> bool:
 def _to_device(matrix: sparse.csc_array, device: torch.device) -> Tensor:
     rows = matrix.tocsr()
     parts = (torch.from_numpy(part) for part in (rows.indptr, rows.indices, rows.data))
-    return torch.sparse_csr_tensor(*parts, size=rows.shape, device=device)
+    with warnings.catch_warnings():  # that torch calls such tensors new
+        warnings.simplefilter("ignore")
+        return torch.sparse_csr_tensor(
+            *parts, size=rows.shape, device=device, check_invariants=False
+        )
 
 
 class _OnHost:
@@ -82,7 +89,7 @@ class _Inverse:
     """The inverse itself, n^2 numbers in a GPU's memory, which reads them faster than it solves."""
 
     def __init__(self, matrix: Tensor):
-        self._inverse = torch.cholesky_inverse(torch.linalg.cholesky(matrix.to_dense()))
+        self._inverse = torch.cholesky_inverse(torch.linalg.cholesky(matrix))
 
     def solve(self, right: Tensor) -> Tensor:
         """The inverse times [n, columns] float64."""
