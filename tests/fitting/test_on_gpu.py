@@ -85,3 +85,56 @@ def enter_band(fit):
     if fit._state.level == 0:
         fit._state.level = 1
         fit._enter_level()
+
+
+def to_meta(thing, moved):
+    """The same with all tensors, but the sizes of cameras, on a device that knows no values."""
+    if id(thing) in moved:
+        return moved[id(thing)][1]
+    new = thing
+    if isinstance(thing, torch.Tensor):
+        new = torch.empty_like(thing, device="meta", requires_grad=thing.requires_grad)
+        new = torch.nn.Parameter(new) if isinstance(thing, torch.nn.Parameter) else new
+    elif isinstance(thing, tuple):
+        parts = [to_meta(part, moved) for part in thing]
+        new = type(thing)(*parts) if hasattr(thing, "_fields") else tuple(parts)
+    moved[id(thing)] = thing, new  # which keeps both, and with them their ids
+    if isinstance(thing, list):
+        thing[:] = [to_meta(part, moved) for part in thing]
+    within = thing if isinstance(thing, dict) else {}
+    if type(thing).__module__.startswith("silmesh"):
+        within = getattr(thing, "__dict__", {})
+    for name, part in list(within.items()):
+        within[name] = part if name == "sizes" else to_meta(part, moved)
+    return new
+
+
+@pytest.mark.parametrize(
+    ("procedure", "settings"),
+    [(SoftRas, SoftRasFit()), (Fast, FastFit(batch=2, untangle=False, remesh=False))],
+)
+def test_a_step_asks_once_and_mixes_no_devices(procedure, settings, views, monkeypatch):
+    """Tensors without values raise where one is asked for, or where they meet those of the CPU."""
+    cameras, seen = views
+    monkeypatch.setattr(smooth, "works_on", lambda device: True)
+    verts, faces = to_tensors(unit_sphere(12))
+    known, weights = torch.ones_like(seen), torch.tensor([1.0, 0.5, 1.0])
+    fit = procedure(verts, faces, cameras, seen, settings, weights, known)
+    if procedure is Fast:
+        fit._state.near = True  # the cameras are corrected, too
+    to_meta(fit, {})
+    fit._render = lambda points, faces, size, sigma: (
+        points.sum() * points.new_ones(len(points), *size)
+    )
+    asked = []
+
+    def read(losses, *tensors):
+        assert {part.device.type for part in (*losses, *tensors)} == {"meta"}
+        asked.append(1)
+        return dict.fromkeys(losses._fields, 0.1)
+
+    monkeypatch.setattr(f"{procedure.__module__}.read_finite", read)
+    for _ in range(3):
+        fit.step()
+        fit.state()
+    assert len(asked) == 3
