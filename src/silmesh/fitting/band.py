@@ -9,8 +9,10 @@ it was widened.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -19,7 +21,7 @@ from scipy import ndimage
 from torch import Tensor
 
 from silmesh.fitting.losses import complement
-from silmesh.geometry.camera import Cameras
+from silmesh.geometry.camera import Cameras, places
 from silmesh.geometry.edges import number_edges
 from silmesh.softras import soft_silhouettes
 from silmesh.softras.tiles import TILE, Tiles, count_tiles, find_tiles
@@ -55,9 +57,7 @@ class BandLevel:
 
     def scale_cameras(self, cameras: Cameras) -> Cameras:
         """Cameras of the working images, scaled to the images of this level."""
-        shrink = torch.diag(torch.tensor([1 / self.factor, 1 / self.factor, 1.0]))
-        sizes = torch.tensor([self.size[::-1]]).expand(len(cameras), 2)
-        return cameras.in_pixels_of(shrink.double().expand(len(cameras), 3, 3), sizes)
+        return cameras.shrink(self.factor, self.size)
 
     @cached_property
     def cells(self) -> np.ndarray:
@@ -94,38 +94,58 @@ class Band:
             _mark_contour(found, pixels[view], ours, edges, sides)
             wanted.append(_pool(found))
         sums = np.stack([_sum_tiles(cells) for cells in level.cells])
-        self.tiles = find_tiles(np.stack(wanted), level.size)
-        self._shown, self._counted = _cut_out(level, self.tiles)
-        self._total = torch.tensor(sums[:, 0].sum(axis=(1, 2)), dtype=torch.float32)
-        self._rest = self._sum_rest(sums, _see_centres(points, faces, sums.shape[2:]))
-        self._ends = self.tiles.ends
+        self.tiles, on = find_tiles(np.stack(wanted), level.size), points.device
+        self._shown, self._counted = (part.to(on) for part in _cut_out(level, self.tiles))
+        self._total = torch.tensor(sums[:, 0].sum(axis=(1, 2)), dtype=torch.float32).to(on)
+        self._rest = self._sum_rest(sums, _see_centres(points, faces, sums.shape[2:])).to(on)
+        self._parts: dict[tuple[int, ...], _Part] = {}
 
     def _sum_rest(self, sums: np.ndarray, covered: np.ndarray) -> Tensor:
         """What is shown and rendered, and what is rendered, beside the wanted tiles: [views, 2]."""
         outside = covered & (self.tiles.number < 0)
         return torch.tensor((sums * outside[:, None]).sum(axis=(2, 3)), dtype=torch.float32)
 
-    def holds(self, points: Tensor, index: list[int]) -> bool:
+    def holds(self, points: Tensor, index: Sequence[int]) -> bool:
         """Whether points [views, verts, 2] of the views at ``index`` have moved by little."""
-        moved = (points - self._points[index]).abs()
+        moved = (points - self._points[places(index)]).abs()
         return not bool((moved > MARGIN).any())
 
-    def iou_loss(self, alpha: Tensor, index: list[int], weights: Tensor | None = None) -> Tensor:
+    def iou_loss(
+        self, alpha: Tensor, index: Sequence[int], weights: Tensor | None = None
+    ) -> Tensor:
         """``losses.iou_loss`` of whole images, of which only the wanted tiles were rendered.
 
         Args:
             alpha: [tiles, TILE, TILE] of the views at ``index``
             weights: [views at index] how much each counts; all the same if not given
         """
-        wanted = np.concatenate([np.arange(*self._ends[i : i + 2]) for i in index])
-        rows = torch.from_numpy(wanted)
-        shown, counted = (part[rows].to(alpha) for part in (self._shown, self._counted))
-        counts = torch.from_numpy(np.diff(self._ends)[index])
-        view = torch.arange(len(index)).repeat_interleave(counts).to(alpha.device)
+        part, at = self._part(index), places(index)
+        shown, counted = (cut[part.rows].to(alpha) for cut in (self._shown, self._counted))
         sums = _TileSums.apply(alpha.flatten(1), shown.flatten(1), counted.flatten(1))
-        rest = self._rest[index].to(alpha)
-        both, rendered = rest.index_add(0, view, sums).unbind(1)
-        return complement(both, rendered, self._total[index].to(alpha), weights)
+        both, rendered = self._rest[at].to(alpha).index_add(0, part.view, sums).unbind(1)
+        return complement(both, rendered, self._total[at].to(alpha), weights)
+
+    def select(self, index: Sequence[int]) -> Tiles:
+        """The tiles of the views at ``index``."""
+        return self._part(index).tiles
+
+    def _part(self, index: Sequence[int]) -> "_Part":
+        """Of the views at ``index``, kept: batches come again and again."""
+        if tuple(index) not in self._parts:
+            ends = self.tiles.ends
+            rows = np.concatenate([np.arange(*ends[i : i + 2]) for i in index])
+            view = np.repeat(np.arange(len(index)), np.diff(ends)[list(index)])
+            rows, view = (torch.from_numpy(at).to(self._rest.device) for at in (rows, view))
+            self._parts[tuple(index)] = _Part(self.tiles.select(list(index)), rows, view)
+        return self._parts[tuple(index)]
+
+
+class _Part(NamedTuple):
+    """Tiles of some views, and of each its place among those of all and its view, [tiles]."""
+
+    tiles: Tiles
+    rows: Tensor
+    view: Tensor
 
 
 class _TileSums(torch.autograd.Function):

@@ -24,7 +24,7 @@ import torch
 from torch import Tensor
 
 from silmesh.fitting.adam import Adam
-from silmesh.geometry.camera import Cameras
+from silmesh.geometry.camera import Cameras, places
 
 # Standard deviations of the prior: of w (radians) and v (world units) of one view, and of w, v and
 # s of all views together.
@@ -32,6 +32,7 @@ OWN_SD = (0.009, 0.009, 0.009, 0.006, 0.006, 0.006)
 SHARED_SD = (0.05, 0.05, 0.05, 0.05, 0.05, 0.2, 0.1)
 SHARED = 0.1  # weight of the shared corrections' prior, beside 1 for the mean of the views' priors
 PERSPECTIVE = 6  # index of s among the shared corrections
+TINY = 1e-30  # squared radians: keeps the gradient of a rotation by nothing finite
 SAME = 0.999  # cosine from which a shared correction counts as a similarity of the world
 
 
@@ -40,21 +41,22 @@ class Refinement:
 
     Args:
         cameras: in the normalised world
+        device: to correct them on
     """
 
-    def __init__(self, cameras: Cameras):
+    def __init__(self, cameras: Cameras, device: torch.device | str = "cpu"):
         count = len(cameras)
         own_sd, shared_sd = (torch.tensor(sd, dtype=torch.float64) for sd in (OWN_SD, SHARED_SD))
         shared = torch.diag(shared_sd[:6] / own_sd).repeat(count, 1)
         gauge = _similarities(cameras) / own_sd.repeat(count).unsqueeze(1)
-        self.cameras = cameras
-        self._own_sd, self._shared_sd = own_sd, shared_sd
-        self._allowed = _without(shared, gauge)
-        self._taken = _span(torch.cat([gauge, shared], dim=1))
+        self.cameras = cameras.to(device)
+        self._own_sd, self._shared_sd = own_sd.to(device), shared_sd.to(device)
+        self._allowed = _without(shared, gauge).to(device)
+        self._taken = _span(torch.cat([gauge, shared], dim=1)).to(device)
 
     def start(self) -> Tensor:
         """The parameters that correct nothing."""
-        return torch.zeros(7 + 6 * len(self.cameras), dtype=torch.float64)
+        return self._own_sd.new_zeros(7 + 6 * len(self.cameras))
 
     def corrections(self, parameters: Tensor) -> tuple[Tensor, Tensor]:
         """The shared corrections [7] and those of the views [views, 6], in standard deviations."""
@@ -65,15 +67,15 @@ class Refinement:
     def __call__(self, parameters: Tensor, index: Sequence[int]) -> Cameras:
         """The corrected cameras at these positions; differentiable."""
         shared, own = self.corrections(parameters)
-        shared, own = shared * self._shared_sd, own[list(index)] * self._own_sd
+        shared, own = shared * self._shared_sd, own[places(index)] * self._own_sd
         return _correct(self.cameras.select(index), own + shared[:6], shared[6])
 
     def all_of(self, parameters: Tensor, cameras: Cameras, fitted: list[int]) -> Cameras:
         """The corrected cameras of all views; those not fitted get the shared correction alone."""
         shared, own = self.corrections(parameters)
-        shared = shared * self._shared_sd
+        shared, own = (shared * self._shared_sd).cpu(), (own * self._own_sd).cpu()
         every = shared[:6].repeat(len(cameras), 1)
-        every[fitted] += own * self._own_sd
+        every[fitted] += own
         return _correct(cameras, every, shared[6])
 
     def prior(self, parameters: Tensor) -> Tensor:
@@ -100,12 +102,23 @@ class RefinementAdam(Adam):
 
 def _correct(cameras: Cameras, own: Tensor, log_focal: Tensor) -> Cameras:
     """Rotate and shift cameras by [views, 6], and scale focal length and distance."""
-    turn = torch.linalg.matrix_exp(_cross(own[:, :3]))
+    turn = _rotate(own[:, :3])
     one = torch.ones_like(log_focal)
     scale = torch.stack([log_focal.exp(), log_focal.exp(), one])
     deepen = torch.stack([one, one, log_focal.exp()])
     t = (cameras.t + own[:, 3:]) * deepen
     return replace(cameras, K=cameras.K * scale, R=turn @ cameras.R, t=t)
+
+
+def _rotate(w: Tensor) -> Tensor:
+    """exp([w]x) of rotation vectors [..., 3] by Rodrigues' formula: [..., 3, 3].
+
+    torch's own ``matrix_exp`` waits for a GPU's answers; and takes longer on the CPU.
+    """
+    angle = (w.square().sum(-1) + TINY).sqrt()[..., None, None]
+    cross, half = _cross(w), angle / 2
+    first, second = angle.sin() / angle, (half.sin() / half).square() / 2
+    return torch.eye(3, dtype=w.dtype, device=w.device) + first * cross + second * cross @ cross
 
 
 def _cross(w: Tensor) -> Tensor:

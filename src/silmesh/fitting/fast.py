@@ -23,13 +23,13 @@ from torch import Tensor
 from silmesh.fitting.band import Band, BandLevel
 from silmesh.fitting.camera_refinement import Refinement, RefinementAdam
 from silmesh.fitting.image_pyramid import BASE, Images, PyramidLevel, build_levels
-from silmesh.fitting.loop import refuse_not_finite
+from silmesh.fitting.loop import read_finite
 from silmesh.fitting.losses import Losses, Objective
 from silmesh.fitting.placement import move_to_silhouettes
 from silmesh.fitting.renderers import find_renderer, find_tile_renderer
 from silmesh.fitting.smooth import Smooth, UniformAdam
 from silmesh.fitting.untangle import untangle
-from silmesh.geometry.camera import INITIAL_SCALE, Cameras
+from silmesh.geometry.camera import INITIAL_SCALE, Cameras, places
 from silmesh.geometry.remeshing import even_length, remesh
 from silmesh.settings.fit import FastFit, FastWeights
 
@@ -124,14 +124,14 @@ class Fast:
         self._levels = build_levels(images, small, sigmas, settings.coarse_to_fine)
         self._batches = math.ceil(len(cameras) / (settings.batch or len(cameras)))
         self._round = self._batches * math.ceil(ROUND / self._batches)
-        self._refinement = Refinement(cameras)
+        self._refinement = Refinement(cameras, template.device)
         self._count, self._band = len(faces), None
         self._take_faces(faces, len(template))
         spoken = None if small.known is None else small.known.cpu()
         placed = move_to_silhouettes(
-            template / INITIAL_SCALE, small.cameras, small.silhouettes.cpu(), spoken
+            template.cpu() / INITIAL_SCALE, small.cameras, small.silhouettes.cpu(), spoken
         )
-        self._state = self._start(placed, faces)
+        self._state = self._start(placed.to(template.device), faces)
         self._even_out()
 
     def _start(self, verts: Tensor, faces: Tensor) -> State:
@@ -175,11 +175,11 @@ class Fast:
         level = self._levels[self._state.level]
         index, verts = self._choose(), self._smooth(self._state.u)
         points = level.scale_cameras(self._cameras(index)).project(verts)
-        weights = None if self._weights is None else self._weights[index]
+        weights = None if self._weights is None else self._weights[places(index)]
         compare = self._compare_band if isinstance(level, BandLevel) else self._compare
         losses = compare(level, verts, points, index, weights)
-        values = refuse_not_finite(losses.read())
         self._move(losses.loss, level)
+        values = read_finite(losses, self._state.u.grad, self._state.u, self._state.corrections)
         self._count_round(values["loss"])
         if self.done and self._settings.untangle:
             self._untangle()
@@ -190,13 +190,13 @@ class Fast:
         level: PyramidLevel,
         verts: Tensor,
         points: Tensor,
-        index: list[int],
+        index: range,
         weights: Tensor | None,
     ) -> Losses:
         """The losses by the whole images of the views at ``index``."""
-        silhouettes = level.silhouettes[index]
+        silhouettes = level.silhouettes[places(index)]
         alpha = self._render(points, self.faces, tuple(silhouettes.shape[1:]), sigma=level.sigma)
-        known = None if level.known is None else level.known[index]
+        known = None if level.known is None else level.known[places(index)]
         return self._objective(verts, alpha, silhouettes, weights, known)
 
     def _compare_band(
@@ -204,7 +204,7 @@ class Fast:
         level: BandLevel,
         verts: Tensor,
         points: Tensor,
-        index: list[int],
+        index: range,
         weights: Tensor | None,
     ) -> Losses:
         """The losses by the band about the outlines of the views at ``index``."""
@@ -214,8 +214,7 @@ class Fast:
         if self._band is None or not self._band.holds(points.detach(), index):
             state.seen, state.seen_by = verts.detach(), state.corrections.detach().clone()
             self._band = self._find_band(level)
-        tiles = self._band.tiles.select(index)
-        alpha = self._render_tiles(points, self.faces, tiles, level.sigma)
+        alpha = self._render_tiles(points, self.faces, self._band.select(index), level.sigma)
         return self._objective.sum(verts, self._band.iou_loss(alpha, index, weights))
 
     def _find_band(self, level: BandLevel) -> Band:
@@ -228,16 +227,16 @@ class Fast:
     def _forget_band(self) -> None:
         self._band = self._state.seen = self._state.seen_by = None
 
-    def _cameras(self, index: list[int]) -> Cameras:
+    def _cameras(self, index: range) -> Cameras:
         if self._state.near:
             return self._refinement(self._state.corrections, index)
         return self._refinement.cameras.select(index)
 
-    def _choose(self) -> list[int]:
+    def _choose(self) -> range:
         """Positions of the views of this step: every n-th view, n batches in a random order."""
         number, position = divmod(self._state.steps, self._batches)
         order = np.random.default_rng([self._settings.seed, number]).permutation(self._batches)
-        return list(range(order[position], len(self._refinement.cameras), self._batches))
+        return range(order[position], len(self._refinement.cameras), self._batches)
 
     def _move(self, loss: Tensor, level: PyramidLevel) -> None:
         """Move the vertices and the cameras."""
@@ -245,13 +244,11 @@ class Fast:
         share = 0.5 ** (state.halvings + state.slowed)
         state.u.grad = state.corrections.grad = None
         (loss + PRIOR * self._refinement.prior(state.corrections)).backward()
-        refuse_not_finite({}, state.u.grad, state.corrections.grad)
         length = self._settings.learning_rate * level.pixel * share
         with torch.no_grad():
             state.u -= length * state.mover.direction(state.u.grad)
         if state.near:
             state.adam.step(CAMERA_STEP * share)
-        refuse_not_finite({}, state.u, state.corrections)
         state.steps += 1
 
     def _count_round(self, loss: float) -> None:

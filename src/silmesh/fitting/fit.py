@@ -20,7 +20,8 @@ from silmesh.geometry.camera import Cameras
 from silmesh.geometry.mesh_files import to_tensors
 from silmesh.own_code import naming, own_file
 from silmesh.scene.scene import Scene
-from silmesh.settings.fit import FastFit, Fit, refuse_clash
+from silmesh.settings.fit import AUTO, FastFit, Fit, refuse_clash
+from silmesh.softras import has_triton
 from silmesh.views import held_out
 
 
@@ -97,7 +98,7 @@ def fit_mesh(
             "iou_end": belief.measure(fit.verts.cpu(), fit.faces.cpu(), corrected, scene),
             "distrusted": list(belief.distrusted),
             "corrected": list(belief.corrected),
-            "warnings": belief.warnings,
+            "warnings": belief.warnings + _name_slow_renderer(settings, device),
         }
         back = scene.similarity.inverse
         fitted = to_mesh(back.apply(fit.verts.double()), fit.faces)
@@ -139,8 +140,20 @@ def _weights(counts: Sequence[float], device: str) -> Tensor | None:
 def _choose_device(settings: Fit) -> str:
     refuse_clash(settings)
     name, gpu = settings.device, torch.cuda.is_available()
+    if settings.renderer == "gpu" and not gpu:
+        raise InputError("renderer 'gpu': torch finds no GPU here; should be 'auto' or 'cpu'")
     if name == "cuda" and not gpu:
         raise InputError("device 'cuda': torch finds no GPU here; should be 'cpu' or 'auto'")
     if name != "auto":
         return name
     return "cuda" if gpu and settings.renderer != "cpu" else "cpu"
+
+
+def _name_slow_renderer(settings: Fit, device: str) -> list[str]:
+    """That a GPU's kernel was not used because what compiles it is not installed."""
+    if device != "cuda" or settings.renderer != AUTO or has_triton():
+        return []
+    return [
+        "the fit rendered by plain torch on the GPU, which is slow: its kernel needs a library "
+        "that is not installed (`pip install 'silmesh[gpu]'`)"
+    ]

@@ -43,9 +43,7 @@ class PyramidLevel:
 
     def scale_cameras(self, cameras: Cameras) -> Cameras:
         """Cameras of the working images, scaled to the images of this level."""
-        shrink = torch.diag(torch.tensor([1 / self.factor, 1 / self.factor, 1.0]))
-        sizes = torch.tensor([self.silhouettes.shape[:0:-1]]).expand(len(cameras), 2)
-        return cameras.in_pixels_of(shrink.double().expand(len(cameras), 3, 3), sizes)
+        return cameras.shrink(self.factor, tuple(self.silhouettes.shape[1:]))
 
 
 @dataclass(frozen=True)

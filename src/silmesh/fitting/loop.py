@@ -6,8 +6,9 @@ from collections.abc import Callable
 from dataclasses import astuple, dataclass, fields
 from functools import partial
 from numbers import Real
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
+import torch
 from torch import Tensor
 
 from silmesh.errors import InputError, shorten
@@ -16,6 +17,7 @@ from silmesh.geometry.camera import Cameras
 
 TRIES = 6  # halvings of the steps after which a fit that meets infinite numbers fails
 LABELS = {"iou_loss": "IoU loss", "laplacian": "Laplacian"}  # names of losses in messages
+STRANGE = "a gradient or a vertex is not finite"
 ADVICE = "A smaller learning_rate or a larger sigma may help"
 
 
@@ -144,6 +146,22 @@ def _go_back(fit: Procedure, good: dict, what: str) -> None:
     fit.halvings = halvings
 
 
+def read_finite(losses: NamedTuple, *tensors: Tensor) -> dict[str, float]:
+    """The values of the losses, by name, if they and all tensors are finite.
+
+    All that has to be known of a step is asked of a GPU at once, which then works on meanwhile.
+
+    Raises:
+        NotFinite: they are not
+    """
+    finite = torch.stack([tensor.isfinite().all() for tensor in tensors]).all()
+    *values, finite = torch.stack([*losses, finite.to(losses[0])]).tolist()
+    refuse_not_finite(values := dict(zip(losses._fields, values, strict=True)))
+    if not finite:
+        raise NotFinite(STRANGE)
+    return values
+
+
 def refuse_not_finite(losses: dict[str, float], *tensors: Tensor) -> dict[str, float]:
     """The losses, by name, if they and all tensors are finite.
 
@@ -154,5 +172,5 @@ def refuse_not_finite(losses: dict[str, float], *tensors: Tensor) -> dict[str, f
         listed = ", ".join(f"{LABELS.get(name, name)} {value:g}" for name, value in losses.items())
         raise NotFinite(f"{listed}; a loss is not finite")
     if not all(tensor.isfinite().all() for tensor in tensors):
-        raise NotFinite("a gradient or a vertex is not finite")
+        raise NotFinite(STRANGE)
     return losses

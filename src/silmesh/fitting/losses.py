@@ -24,10 +24,6 @@ class Losses(NamedTuple):
     laplacian: Tensor
     flatten: Tensor
 
-    def read(self) -> dict[str, float]:
-        """Their values, by name."""
-        return dict(zip(self._fields, torch.stack(self).tolist(), strict=True))
-
 
 class Objective:
     """The loss of both presets: the IoU loss, and the two smoothness terms times their weights.

@@ -15,7 +15,7 @@ from silmesh.fitting.image_pyramid import BASE
 from silmesh.geometry.camera import INITIAL_SCALE, Cameras, Similarity
 from silmesh.geometry.frame import known_pixels
 from silmesh.geometry.mesh_files import to_tensors
-from silmesh.settings.fit import FastFit, FastWeights
+from silmesh.settings.fit import AUTO, FastFit, FastWeights
 
 STEPS = 60  # at most
 SPREAD = 2.0  # pixels over which a step spreads: a surface of small triangles would hardly move
@@ -56,7 +56,12 @@ def follow_outlines(
         cameras.in_world_of(similarity),
         _prepare(silhouettes),
         settings.model_copy(
-            update={**FIXED, "iterations": STEPS, "smoothing": _smooth(mesh, cameras, settings)}
+            update={
+                **FIXED,
+                "iterations": STEPS,
+                "smoothing": _smooth(mesh, cameras, settings),
+                "renderer": AUTO if settings.renderer == "gpu" else settings.renderer,
+            }
         ),
         known=None if known is None else _prepare(known),
     )

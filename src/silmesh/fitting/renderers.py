@@ -16,7 +16,7 @@ from silmesh.errors import InputError
 from silmesh.fitting.loop import NotFinite
 from silmesh.own_code import ask, load, own_file
 from silmesh.settings.fit import AUTO
-from silmesh.softras import check_arguments, soft_silhouettes
+from silmesh.softras import check_arguments, has_triton, soft_silhouettes
 from silmesh.softras.tiles import Tiles, gather_tiles, soft_tiles
 
 Renderer = Callable[..., Tensor]  # of points, faces, size and sigma, as soft_silhouettes is
@@ -31,11 +31,16 @@ def find_renderer(name: str) -> Renderer:
 
     Raises:
         InputError: there is no such function of a person's own, or, as it renders, it fails or
-            gives something else
+            gives something else; or what the renderer needs is not installed
         NotFinite: as it renders, a person's own function gives alpha that is not finite
     """
     if name == AUTO:
         return soft_silhouettes
+    if name == "gpu" and not has_triton():
+        raise InputError(
+            "fit.renderer: 'gpu' needs a library that is not installed: `pip install "
+            "'silmesh[gpu]'`; or should be 'auto'"
+        )
     own = load(name) if own_file(name) else None
     render = own or import_module(f"silmesh.softras.{name}").soft_silhouettes
 
@@ -61,6 +66,8 @@ def find_tile_renderer(name: str) -> Renderer:
     """
     if name in (AUTO, "cpu"):
         return soft_tiles
+    if name == "gpu":
+        return import_module("silmesh.softras.gpu").soft_tiles
     return partial(_cut_tiles, find_renderer(name))
 
 

@@ -7,6 +7,8 @@ of x by the inverse again. So a step of x is smooth although the gradient is not
 without a gradient follow their neighbours.
 """
 
+import warnings
+
 import numpy as np
 import torch
 from scipy import sparse
@@ -35,8 +37,7 @@ class Smooth:
         adjacent = sparse.csc_array((np.ones(len(both)), both.T), shape=(verts, verts))
         laplacian = sparse.diags_array(adjacent.sum(axis=0)) - adjacent
         self.matrix = (sparse.eye_array(verts) + smoothing * laplacian).tocsc()
-        direct = verts <= DIRECT or not smoothing
-        self._factor = _factorise(self.matrix) if direct else _Chebyshev(self.matrix)
+        self._solver = _make_solver(self.matrix, smoothing, faces.device)
 
     def parameters(self, verts: Tensor) -> Tensor:
         """u of vertices [verts, 3], float64."""
@@ -44,7 +45,55 @@ class Smooth:
 
     def __call__(self, u: Tensor) -> Tensor:
         """The vertices [verts, 3] float32 of u; differentiable."""
-        return _Solve.apply(u, self._factor)
+        return _Solve.apply(u, self._solver)
+
+
+def _make_solver(matrix: sparse.csc_array, smoothing: float, device: torch.device):
+    """What gives the inverse times [n, columns] float64, on its device."""
+    few, largest = matrix.shape[0] <= DIRECT, float(matrix.diagonal().max())
+    if works_on(device):
+        if few:
+            return _Inverse(torch.from_numpy(matrix.toarray()).to(device))
+        return _Chebyshev(_to_device(matrix, device), largest)
+    direct = few or not smoothing
+    return _OnHost(_factorise(matrix) if direct else _Chebyshev(matrix.tocsr(), largest))
+
+
+def works_on(device: torch.device) -> bool:
+    """Whether a step stays in a device's memory: a GPU is far from the host."""
+    return device.type != "cpu"
+
+
+def _to_device(matrix: sparse.csc_array, device: torch.device) -> Tensor:
+    rows = matrix.tocsr()
+    parts = (torch.from_numpy(part) for part in (rows.indptr, rows.indices, rows.data))
+    with warnings.catch_warnings():  # that torch calls such tensors new
+        warnings.simplefilter("ignore")
+        return torch.sparse_csr_tensor(
+            *parts, size=rows.shape, device=device, check_invariants=False
+        )
+
+
+class _OnHost:
+    """What solves for arrays, for tensors."""
+
+    def __init__(self, factor):
+        self._factor = factor
+
+    def solve(self, right: Tensor) -> Tensor:
+        """The inverse times [n, columns] float64."""
+        return torch.from_numpy(self._factor.solve(right.cpu().numpy())).to(right.device)
+
+
+class _Inverse:
+    """The inverse itself, n^2 numbers in a GPU's memory, which reads them faster than it solves."""
+
+    def __init__(self, matrix: Tensor):
+        self._inverse = torch.cholesky_inverse(torch.linalg.cholesky(matrix))
+
+    def solve(self, right: Tensor) -> Tensor:
+        """The inverse times [n, columns] float64."""
+        return self._inverse @ right
 
 
 def _factorise(matrix: sparse.csc_array):
@@ -57,17 +106,21 @@ class _Chebyshev:
     The eigenvalues lie between 1 and twice the largest entry of the diagonal (Gershgorin), so the
     error falls by (sqrt(k) - 1) / (sqrt(k) + 1) in each step, k their quotient (Saad, *Iterative
     methods for sparse linear systems*, algorithm 12.1).
+
+    Args:
+        matrix: [n, n], an array or a tensor, by rows
+        largest: entry of its diagonal
     """
 
-    def __init__(self, matrix: sparse.csc_array):
-        self._matrix, self._most = matrix.tocsr(), 2 * float(matrix.diagonal().max()) - 1
+    def __init__(self, matrix: sparse.csr_array | Tensor, largest: float):
+        self._matrix, self._most = matrix, max(2 * largest - 1, 1 + 1e-9)
         root = np.sqrt(self._most)
         self._steps = int(np.ceil(np.log(2 / ACCURACY) / np.log((root + 1) / (root - 1))))
 
-    def solve(self, right: np.ndarray) -> np.ndarray:
+    def solve(self, right: np.ndarray | Tensor) -> np.ndarray | Tensor:
         """The inverse times [n, columns] float64."""
         middle, half = (self._most + 1) / 2, (self._most - 1) / 2
-        rho, x, rest = half / middle, np.zeros_like(right), right.copy()
+        rho, x, rest = half / middle, 0 * right, 1 * right
         move = rest / middle
         for _ in range(self._steps):
             x += move
@@ -82,18 +135,14 @@ class _Solve(torch.autograd.Function):
     """x = A^-1 u for a symmetric A: the gradient is A^-1 of the gradient."""
 
     @staticmethod
-    def forward(ctx, u, factor):
-        ctx.factor, ctx.dtype = factor, u.dtype
-        return _solve(factor, u).float()
+    def forward(ctx, u, solver):
+        ctx.solver, ctx.dtype = solver, u.dtype
+        return solver.solve(u.double()).float()
 
     @staticmethod
     @torch.autograd.function.once_differentiable
     def backward(ctx, upstream):
-        return _solve(ctx.factor, upstream).to(ctx.dtype), None
-
-
-def _solve(factor, right: Tensor) -> Tensor:
-    return torch.from_numpy(factor.solve(right.double().cpu().numpy())).to(right.device)
+        return ctx.solver.solve(upstream.double()).to(ctx.dtype), None
 
 
 class UniformAdam:

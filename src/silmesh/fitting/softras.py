@@ -6,7 +6,7 @@ import torch
 from torch import Tensor
 
 from silmesh.fitting.adam import Adam
-from silmesh.fitting.loop import refuse_not_finite
+from silmesh.fitting.loop import read_finite
 from silmesh.fitting.losses import Objective
 from silmesh.fitting.parametrisation import OctantSigmoid
 from silmesh.fitting.renderers import find_renderer
@@ -43,7 +43,7 @@ class SoftRas:
     ):
         self._shape = OctantSigmoid(template)
         self._adam = Adam(self._shape.parameters(), settings.betas)
-        self._cameras, self._weights, self._known = cameras, weights, known
+        self._cameras, self._weights, self._known = cameras.to(template.device), weights, known
         self._silhouettes = silhouettes if known is None else silhouettes * known
         self._settings, self._render = settings, find_renderer(settings.renderer)
         self._objective = Objective(faces, len(template), settings.weights)
@@ -70,13 +70,12 @@ class SoftRas:
         size = tuple(self._silhouettes.shape[1:])
         alpha = self._render(self._cameras.project(verts), self.faces, size, sigma=sigma)
         losses = self._objective(verts, alpha, self._silhouettes, self._weights, self._known)
-        values = refuse_not_finite(losses.read())
         self._shape.zero_grad()
         losses.loss.backward()
         self._adam.step(self._settings.learning_rate * 0.5**self.halvings)
         self._steps += 1
         gradients = [parameter.grad for parameter in self._shape.parameters()]
-        return refuse_not_finite(values, *gradients, *self._shape.parameters())
+        return read_finite(losses, *gradients, *self._shape.parameters())
 
     def state(self) -> dict:
         """A copy of all that changes."""

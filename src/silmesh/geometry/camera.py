@@ -23,6 +23,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -133,15 +134,25 @@ class Cameras:
 
     def select(self, index: Sequence[int]) -> "Cameras":
         """Only the views at these positions, in this order."""
-        index = list(index)
+        at = places(index)
         return Cameras(
             tuple(self.views[i] for i in index),
-            self.sizes[index],
-            self.K[index],
-            self.R[index],
-            self.t[index],
+            self.sizes[at],
+            self.K[at],
+            self.R[at],
+            self.t[at],
             tuple(self.lenses[i] for i in index),
         )
+
+    def to(self, device: torch.device | str) -> "Cameras":
+        """The same on a device, where they project; their sizes stay."""
+        K, R, t = (part.to(device) for part in (self.K, self.R, self.t))
+        return replace(self, K=K, R=R, t=t)
+
+    def shrink(self, factor: float, size: tuple[int, int]) -> "Cameras":
+        """The same cameras for images that are smaller by a factor, of this height and width."""
+        maps = _shrinking(factor, self.K.device).expand(len(self), 3, 3)
+        return self.in_pixels_of(maps, torch.tensor([size[::-1]]).expand(len(self), 2))
 
     def named(self, views: Sequence[str]) -> "Cameras":
         """The same cameras under other names."""
@@ -178,6 +189,19 @@ class Cameras:
         """
         c = similarity.centre.to(self.R)
         return replace(self, t=similarity.scale * (self.R @ c + self.t))
+
+
+def places(index: Sequence[int]) -> slice | list[int]:
+    """Positions as a tensor takes them: a range without copying, nor asking for a GPU's answer."""
+    if isinstance(index, range):
+        return slice(index.start, index.stop, index.step)
+    return list(index)
+
+
+@cache
+def _shrinking(factor: float, device: torch.device) -> Tensor:
+    """The map [3, 3] to the pixels of images that are smaller by a factor, kept on its device."""
+    return torch.diag(torch.tensor([1 / factor, 1 / factor, 1.0])).double().to(device)
 
 
 @dataclass(frozen=True)

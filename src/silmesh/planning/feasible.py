@@ -19,10 +19,12 @@ from silmesh.views import count_array_views, find_images
 
 if TYPE_CHECKING:
     from silmesh.planning.plan import Run
+    from silmesh.settings.fit import Fit
 
 FEWEST_FITTED = 2  # views
 OPAQUE = (".jpg", ".jpeg", ".bmp")  # formats without an alpha channel
 MATTING = "onnxruntime"  # the library that runs the foreground model
+TRITON = "triton"  # the library that compiles the GPU's kernel
 CHECKPOINT = (b"PK\x03\x04", b"\x80")  # how a file of torch's begins: a zip, or a pickle
 
 
@@ -35,7 +37,7 @@ def refuse_infeasible(run: "Run", where: str) -> None:
     Raises:
         InputError: it names the key, what there is, and what would be right
     """
-    _refuse_lacking_gpu(f"{where}: variants.{run.variant}.fit.device", run.settings.fit.device)
+    _refuse_lacking_gpu(f"{where}: variants.{run.variant}.fit", run.settings.fit)
     with blaming(f"{where}: variants.{run.variant}"):
         refuse_clash(run.settings.fit)
     _refuse_lacking_model(f"{where}: variants.{run.variant}", run.silhouettes)
@@ -46,11 +48,17 @@ def refuse_infeasible(run: "Run", where: str) -> None:
             raise InputError(CLASH)
 
 
-def _refuse_lacking_gpu(key: str, device: str) -> None:
-    if device == "cuda" and not _has_gpu():
+def _refuse_lacking_gpu(key: str, fit: "Fit") -> None:
+    for name, value in (("device", "cuda"), ("renderer", "gpu")):
+        if getattr(fit, name) == value and not _has_gpu():
+            raise InputError(
+                f"{key}.{name}: '{value}', but torch finds no GPU on this machine; should be "
+                "'cpu', or 'auto', which takes a GPU where the fit finds one"
+            )
+    if fit.renderer == "gpu" and find_spec(TRITON) is None:
         raise InputError(
-            f"{key}: 'cuda', but torch finds no GPU on this machine; should be 'cpu', or 'auto', "
-            "which takes a GPU where the fit finds one"
+            f"{key}.renderer: 'gpu' needs a library that is not installed: "
+            "`pip install 'silmesh[gpu]'`; or should be 'auto'"
         )
 
 

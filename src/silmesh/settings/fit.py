@@ -26,6 +26,7 @@ AUTO = "auto"
 RENDERERS = (  # each but the first is the module of its name in softras
     AUTO,
     "cpu",
+    "gpu",
     "reference",
 )
 Renderer = Literal[RENDERERS] | OwnCode
@@ -58,7 +59,7 @@ class _Fit(Section):
     )
     renderer: Renderer = Field(
         AUTO,
-        description="auto: cpu on the CPU, reference on a GPU; cpu: the fast kernel; reference: "
+        description="auto: cpu on the CPU, gpu on a GPU; these: the fast kernels; reference: "
         "plain torch, slow; a function of your own takes what "
         "`silmesh.softras.soft_silhouettes` does",
     )
@@ -157,11 +158,12 @@ def refuse_clash(fit: _Fit) -> None:
     Raises:
         InputError: it does not
     """
-    if fit.renderer == "cpu" and fit.device == "cuda":
-        raise InputError(
-            "fit.renderer: 'cpu' does not render on the device 'cuda'; should be 'auto' or "
-            "'reference', or fit.device 'cpu'"
-        )
+    for renderer, device, other in (("cpu", "cuda", "cpu"), ("gpu", "cpu", "cuda")):
+        if fit.renderer == renderer and fit.device == device:
+            raise InputError(
+                f"fit.renderer: '{renderer}' does not render on the device '{device}'; should be "
+                f"'auto' or 'reference', or fit.device '{other}'"
+            )
 
 
 def _preset_of(fit: Any) -> str:

@@ -1,18 +1,27 @@
 """Soft rasterisation: silhouettes that are differentiable in the projected vertices.
 
 ``soft_silhouettes`` is the entry for fitting. Its equations are in ``silmesh.softras.reference``,
-plain torch for any device and dtype; ``silmesh.softras.cpu`` holds the fast kernel for float32 on
-the CPU, tested against it.
+plain torch for any device and dtype; ``silmesh.softras.cpu`` and ``silmesh.softras.gpu`` hold the
+fast kernels for float32 on the CPU and on a GPU, tested against it.
 """
 
 import math
+from functools import cache
+from importlib.util import find_spec
+from types import ModuleType
 
 import torch
 from torch import Tensor
+from torch.utils.weak import WeakIdKeyDictionary
 
 from silmesh.softras import cpu, reference
 
-__all__ = ["check_arguments", "soft_silhouettes"]
+__all__ = ["check_arguments", "find_kernel", "has_triton", "soft_silhouettes"]
+
+
+# Of faces that were checked: as they were then, and of how many points. A fit renders the same ones
+# again and again, and a GPU would have to answer each time.
+_KNOWN = WeakIdKeyDictionary()
 
 
 def soft_silhouettes(
@@ -34,8 +43,24 @@ def soft_silhouettes(
         ValueError: a shape, dtype, device, index or sigma that cannot be rendered
     """
     size = check_arguments(points, faces, size, sigma)
-    fast = points.device.type == "cpu" and points.dtype == torch.float32
-    return (cpu if fast else reference).soft_silhouettes(points, faces, size, float(sigma))
+    return find_kernel(points).soft_silhouettes(points, faces, size, float(sigma))
+
+
+def find_kernel(points: Tensor) -> ModuleType:
+    """The fastest of the modules here that renders tensors of this dtype on this device."""
+    if points.dtype == torch.float32 and points.device.type == "cpu":
+        return cpu
+    if points.dtype == torch.float32 and points.device.type == "cuda" and has_triton():
+        from silmesh.softras import gpu  # and with it Triton, which takes a second
+
+        return gpu
+    return reference
+
+
+@cache
+def has_triton() -> bool:
+    """Whether what compiles the kernel for a GPU is installed."""
+    return find_spec("triton") is not None
 
 
 def check_arguments(
@@ -74,8 +99,11 @@ def _check_faces(faces: Tensor, points: Tensor) -> None:
     if faces.device != points.device:
         raise ValueError(f"faces are on {faces.device}, points on {points.device}")
     verts = points.shape[1]
-    if len(faces) and not (faces.min() >= 0 and faces.max() < verts):
+    if not len(faces) or _KNOWN.get(faces) == (faces._version, verts):
+        return
+    if not (faces.min() >= 0 and faces.max() < verts):
         raise ValueError(
             f"faces should index {verts} points, from 0 to {verts - 1}, "
             f"not {int(faces.min())} to {int(faces.max())}"
         )
+    _KNOWN[faces] = faces._version, verts

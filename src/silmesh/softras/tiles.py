@@ -10,7 +10,7 @@ images. The plain twin is ``gather_tiles`` of a whole rendering; equations and k
 import hashlib
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,7 @@ import torch
 from numba import njit
 from torch import Tensor
 
-from silmesh.softras import cpu, reference, simd, soft_silhouettes
+from silmesh.softras import cpu, find_kernel, reference, simd, soft_silhouettes
 from silmesh.softras.cpu import (
     CHUNK,
     LOG2_E,
@@ -55,6 +55,7 @@ class Tiles:
 
     number: np.ndarray
     size: tuple[int, int]
+    _on: dict[torch.device, Tensor] = field(default_factory=dict, compare=False, repr=False)
 
     @property
     def ends(self) -> np.ndarray:
@@ -65,6 +66,17 @@ class Tiles:
     def count(self) -> int:
         """How many are wanted."""
         return int((self.number >= 0).sum())
+
+    def number_on(self, device: torch.device) -> Tensor:
+        """``number`` in the memory of a device, where it was brought once."""
+        if device not in self._on:
+            self._on[device] = torch.from_numpy(self.number).to(device)
+        return self._on[device]
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Of what is rendered: [tiles, TILE, TILE]."""
+        return self.count, TILE, TILE
 
     def select(self, views: list[int]) -> "Tiles":
         """The tiles of these views, numbered anew."""
@@ -92,8 +104,11 @@ def soft_tiles(points: Tensor, faces: Tensor, tiles: Tiles, sigma: float) -> Ten
     Returns:
         alpha [tiles, TILE, TILE], differentiable once with respect to ``points``
     """
-    if points.device.type == "cpu" and points.dtype == torch.float32:
+    kernel = find_kernel(points)
+    if kernel is cpu:
         return _SoftTiles.apply(points, faces, tiles, float(sigma))
+    if kernel is not reference:
+        return kernel.soft_tiles(points, faces, tiles, float(sigma))
     return gather_tiles(soft_silhouettes(points, faces, tiles.size, sigma), tiles)
 
 
