@@ -18,11 +18,13 @@ import argparse
 import json
 import os
 import re
+import runpy
 import statistics
 import subprocess
 import sys
 import tempfile
 import time
+import types
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -197,16 +199,27 @@ def time_softras(path: Path | None) -> dict:
     """SoftRas's own CUDA kernel, the same scene, and how far its alpha is from ours."""
     if path is None:
         raise RuntimeError("no --softras; its source is not part of this project")
-    kernel = build_softras(path)
     points, triangles, upstream = make_scene(**BASE)
-    render = by_softras(kernel, triangles, BASE["pixels"])
+    render = by_softras(load_softras(path), triangles, BASE["pixels"])
     told = time_it(render, points, upstream, 5)
     ours = by_kernel(triangles, BASE["pixels"], SIGMA)(points)
     told["alpha_from_ours"] = float((render(points) - ours).abs().max())
     return told
 
 
-def build_softras(path: Path):
+def load_softras(path: Path) -> Callable:
+    """The clone's own ``soft_rasterize``, without the rest of its package."""
+    name = "soft_renderer.cuda.soft_rasterize"
+    sys.modules[name] = kernel = build_softras(path)
+    for package in ("soft_renderer.cuda", "soft_renderer"):
+        sys.modules[package] = types.ModuleType(package)
+    sys.modules["soft_renderer"].cuda = sys.modules["soft_renderer.cuda"]
+    sys.modules["soft_renderer.cuda"].soft_rasterize = kernel
+    wrapper = path / "soft_renderer" / "functional" / "soft_rasterize.py"
+    return runpy.run_path(str(wrapper))["soft_rasterize"]
+
+
+def build_softras(path: Path) -> types.ModuleType:
     """SoftRas's rasteriser, built from its two files with the names that torch has today."""
     from torch.utils.cpp_extension import load
 
@@ -220,37 +233,15 @@ def build_softras(path: Path):
     return load("soft_rasterize", sources, build_directory=str(folder))
 
 
-def by_softras(kernel, triangles: Tensor, pixels: int) -> Callable:
-    """What renders points by SoftRas: Euclidean distances, no colours, alpha as a product."""
-    # near, far, eps; sigma, distance, cutoff; gamma, colours, alpha; kind of texture, both sides
-    told = (pixels, 1.0, 100.0, 1e-3, SIGMA, 2, reference.CUTOFF, 1e-4, 0, 2, 0, True)
-
-    class Rasterise(torch.autograd.Function):
-        @staticmethod
-        def forward(ctx, corners):
-            views, faces = corners.shape[:2]
-            textures = corners.new_ones(views, faces, 1, 3)
-            info = corners.new_zeros(views, faces, 27)
-            sums = corners.new_zeros(views, 2, pixels, pixels)
-            colours = corners.new_ones(views, 4, pixels, pixels)
-            info, sums, colours = kernel.forward_soft_rasterize(
-                corners, textures, info, sums, colours, *told
-            )
-            ctx.save_for_backward(corners, textures, colours, info, sums)
-            return colours
-
-        @staticmethod
-        def backward(ctx, upstream):
-            corners, textures, colours, info, sums = ctx.saved_tensors
-            gradients = torch.zeros_like(corners), torch.zeros_like(textures)
-            return kernel.backward_soft_rasterize(
-                corners, textures, colours, info, sums, *gradients, upstream.contiguous(), *told
-            )[0]
+def by_softras(rasterise: Callable, triangles: Tensor, pixels: int) -> Callable:
+    """What renders points by SoftRas: our cutoff is its own, and colours are not blended."""
 
     def render(points: Tensor) -> Tensor:
         x, y = (2 / pixels * points - 1).unbind(-1)
         corners = torch.stack([x, -y, torch.full_like(x, 2.0)], dim=-1)[:, triangles]
-        return Rasterise.apply(corners.flatten(2).contiguous())[:, 3]
+        textures = corners.new_ones(*corners.shape[:2], 1, 3)
+        told = {"sigma_val": SIGMA, "aggr_func_rgb": "hard"}
+        return rasterise(corners.flatten(2).contiguous(), textures, pixels, **told)[:, 3]
 
     return render
 

@@ -1,11 +1,11 @@
-"""What planning costs: a dry run of many objects, and a run that finds nothing to do, as JSON lines.
+"""What planning costs, as JSON lines: a dry run of many objects, and a run with nothing to do.
 
 python benchmarks/planning.py --objects 100 1000 --views 72
 
 Beside each stands the same of a bare Snakefile: the same jobs with the same files, written down
 plainly, with no settings, no digests and no package of ours. So the difference is what we add to
-Snakemake itself. Nothing is computed: the results are empty files, which Snakemake is told are made.
-Times are of the processor, memory is the largest that the process held.
+Snakemake itself. Nothing is computed: the results are empty files, which Snakemake is told are
+made. Times are of the processor, memory is the largest that the process held.
 """
 
 import argparse

@@ -9,11 +9,18 @@ import math
 import numpy as np
 import torch
 from numba import njit
+from torch import Tensor
 
 
-class FlattenOnCpu(torch.autograd.Function):
-    """Sum over the edges of (cos + 1)^2, of vertices [verts, 3] and diamonds [edges, 4]."""
+def flatten_on_cpu(verts: Tensor, diamonds: Tensor, eps: float) -> Tensor:
+    """Sum over the edges of (cos + 1)^2, of vertices [verts, 3] and diamonds [edges, 4].
 
+    ``eps`` keeps lengths and sines above zero, as in ``silmesh.fitting.losses``.
+    """
+    return _Flatten.apply(verts, diamonds, eps)
+
+
+class _Flatten(torch.autograd.Function):
     @staticmethod
     def forward(ctx, verts, diamonds, eps):
         at = verts.detach().contiguous().numpy()

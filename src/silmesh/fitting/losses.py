@@ -9,7 +9,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from silmesh.fitting.flatten import FlattenOnCpu
+from silmesh.fitting.flatten import flatten_on_cpu
 from silmesh.geometry.edges import number_edges
 from silmesh.settings.fit import FastWeights, Weights
 
@@ -146,7 +146,7 @@ class Flatten:
     def __call__(self, verts: Tensor) -> Tensor:
         """The loss of vertices [verts, 3]."""
         if verts.device.type == "cpu":
-            return FlattenOnCpu.apply(verts, self._diamonds, EPS)
+            return flatten_on_cpu(verts, self._diamonds, EPS)
         return self.in_torch(verts)
 
     def in_torch(self, verts: Tensor) -> Tensor:
