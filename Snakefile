@@ -92,6 +92,11 @@ onstart:
 # What a step said is the last to be read, not the long command of it.
 onerror:
     shell("grep -h '^silmesh: ' {log:q} | sort -u >&2 || true")
+    show_unfinished(log)
+
+
+onsuccess:
+    drop_unfinished()
 
 
 wildcard_constraints:

@@ -2,11 +2,13 @@
 
 import json
 
-from silmesh.files import replacing
+from silmesh.files import remove, replacing
 from silmesh.reading import split_row
-from silmesh.report.parts import PARTS
+from silmesh.report.parts import LISTED, PARTS
 
 REPORT_PLAN = "results/report/plan.json"
+PAGES = "results/report/objects"  # of the objects, if they are many
+UNFINISHED = "results/report/unfinished.html"
 
 
 def code_digest(*modules):
@@ -316,6 +318,11 @@ def shown_runs():
     return [run for run in plan.runs if run.member.replicate == 1]
 
 
+def many_shown():
+    """Whether the report is an index, and a page of each object."""
+    return len({run.dataset.object for run in plan.runs}) > LISTED
+
+
 def experiments_of(object_):
     """The experiment that each run of an object repeats."""
     runs = [run for run in plan.runs if run.dataset.object == object_]
@@ -440,6 +447,26 @@ def write_report_plan():
     """Write what the page is told: a command line has no room for hundreds of runs."""
     with replacing(REPORT_PLAN) as part:
         part.write_text(REPORT_PLAN_TEXT, encoding="utf-8")
+
+
+def show_unfinished(said):
+    """Write a page of what is whole after something failed, where there are other objects."""
+    if len({run.dataset.object for run in plan.runs}) > 1:
+        shell(
+            "python -m silmesh.steps unfinished --plan {REPORT_PLAN:q} --said {said:q}"
+            " --page {UNFINISHED:q} --pages results/report/unfinished >&2 || true"
+        )
+
+
+def drop_unfinished():
+    """Remove that page once the report is there, which is of all."""
+    page, report = Path(UNFINISHED), Path("results/report/report.html")
+    if (
+        page.is_file()
+        and report.is_file()
+        and page.stat().st_mtime < report.stat().st_mtime
+    ):
+        remove(page)
 
 
 def tell_unused():

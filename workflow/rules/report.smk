@@ -196,11 +196,13 @@ rule page:
             category="Page",
             labels={"page": "report"},
         ),
+        pages=[directory(PAGES)] if many_shown() else [],
     log:
         "logs/report.log",
     params:
         told=text_digest(REPORT_PLAN_TEXT),
         plan=REPORT_PLAN,
+        pages=PAGES,
         read=given_digest(published()),
         code=code_digest("silmesh.steps.report"),
         parts=[file_digest("silmesh.report", name) for name in PARTS],
@@ -209,4 +211,4 @@ rule page:
     shell:
         "python -m silmesh.steps report --plan {params.plan:q} --losses {output.losses:q}"
         " --conclusions {input.conclusions:q}"
-        " --summary {output.summary:q} --page {output.page:q} 2> {log:q}"
+        " --summary {output.summary:q} --page {output.page:q} --pages {params.pages:q} 2> {log:q}"

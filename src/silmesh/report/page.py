@@ -1,46 +1,33 @@
 """The page that a person opens: one HTML file with every table, curve, photograph and mesh in it.
 
+Of very many objects there is an index, and a page of each; see ``index.py``.
+
 What is large lies packed in the page, in one block an object and one a mesh, and is unpacked when
 the object is opened; so do the libraries. See ``parts.py`` for what the page is put together from.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import PackageNotFoundError, version
-from importlib.resources import files
 from pathlib import Path
-from platform import python_version
 from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import trimesh
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from PIL import Image
 
 from silmesh.geometry.camera import MIRROR
-from silmesh.geometry.thresholds import COHERENT
 from silmesh.report.budget import choose_views
 from silmesh.report.curves import describe_curve, table_of
 from silmesh.report.gallery import encode_webp
-from silmesh.report.measures import (
-    LACKING,
-    METRICS,
-    OVERVIEW,
-    TRUTH,
-    describe_relief,
-    is_incoherent,
-    show,
-)
+from silmesh.report.measures import METRICS, describe_relief, is_incoherent
+from silmesh.report.overview import describe_numbers, encode_thumbnail, read_part, render
 from silmesh.report.packing import encode_glb, pack, pack_json
 from silmesh.report.page_textures import ROOM, add_texture
-from silmesh.report.parts import LIBRARIES, SCRIPTS, STYLES, TEMPLATE
-from silmesh.report.pictures import crop_thumbnail
+from silmesh.report.parts import LIBRARIES, PAGE
 from silmesh.report.tables import Run, objects_of
 
-PACKAGES = ("silmesh", "torch", "numba", "numpy", "scikit-image", "trimesh", "snakemake")
-THUMBNAIL = 132  # pixels
 STILLS = 600_000  # bytes of the page, for the still pictures of all runs and scenes
 WIDTHS = (1122, 840, 640, 480)  # pixels of a still, of which the first that fits is taken
 DENSE = 0.06  # bytes that a pixel of a still takes in the page
@@ -103,8 +90,10 @@ def write_page(
     settings: Mapping[str, Any],
     truths: Mapping[str, trimesh.Trimesh] = MappingProxyType({}),
     conclusions: Sequence[str] = (),
+    unfinished: Sequence[Mapping[str, str]] = (),
+    index: str = "",
 ) -> str:
-    """Write the page.
+    """Write a page.
 
     Args:
         results: of each run, in the order in which they are shown
@@ -113,50 +102,37 @@ def write_page(
             rows of the objects say, for example where their silhouettes come from
         truths: the true meshes of objects
         conclusions: what can be concluded of the variants, in sentences
+        unfinished: runs that came to nothing: ``object``, ``variant``, ``stage``, ``reason``
+        index: where a page of all objects lies, if this is the page of some
     Returns:
         HTML, the same for the same arguments and versions
     """
-    page = Environment(
-        loader=PackageLoader("silmesh.report", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    ).get_template(TEMPLATE)
-    metrics = {run: result.metrics for run, result in results.items()}
-    shown = [key for key in TRUTH if any(v.get(key) is not None for v in metrics.values())]
     objects, shown_variants = objects_of(results), {variant for _, variant in results}
     order = [name for name in settings["configuration"]["variants"] if name in shown_variants]
     room = STILLS // (len(results) + len({(o, r.scene.name) for (o, _), r in results.items()}))
-    return page.render(
-        objects=[
-            _describe_object(
-                object_,
-                {variant: results[object_, variant] for variant in variants},
-                {name: g for (of, name), g in galleries.items() if of == object_},
-                settings,
-                order,
-                truths.get(object_),
-                (len(objects), room, ROOM / max(_count_textures(results), 1)),
-            )
-            for object_, variants in objects.items()
-        ],
-        count=len(results),
-        overview=[metric for metric in METRICS if metric.key in (*OVERVIEW, *shown)],
-        meanings=[m for m in METRICS if any(m.key in v for v in metrics.values())],
-        coherent=COHERENT,
+    described = [
+        _describe_object(
+            object_,
+            {variant: results[object_, variant] for variant in variants},
+            {name: g for (of, name), g in galleries.items() if of == object_},
+            settings,
+            order,
+            truths.get(object_),
+            (len(objects), room, ROOM / max(_count_textures(results), 1)),
+        )
+        for object_, variants in objects.items()
+    ]
+    return render(
+        PAGE,
+        described,
+        {run: result.metrics for run, result in results.items()},
+        settings,
         conclusions=conclusions,
-        configuration=settings["configuration"],
-        versions=_versions(),
-        styles=[_read(name) for name in STYLES],
-        scripts=[_read(name) for name in SCRIPTS],
-        libraries={name: pack(_read(file).encode()) for name, file in LIBRARIES.items()},
-        lacking=LACKING,
+        unfinished=unfinished,
+        index=index,
+        beside="the report" if index else "this page",
+        libraries={name: pack(read_part(file).encode()) for name, file in LIBRARIES.items()},
     )
-
-
-def _read(name: str) -> str:
-    return files("silmesh.report").joinpath(name).read_text(encoding="utf-8")
 
 
 def _describe_object(
@@ -194,6 +170,7 @@ def _describe_object(
     ends = [f"{run['variant']} ends at {run['values']['loss_final']}" for run in runs]
     return {
         "name": object_,
+        "link": f"#object-{object_}",
         "runs": runs,
         "incoherent": _group_incoherent(results),
         "rows": [m for m in METRICS if any(m.key in r.metrics for r in results.values())],
@@ -222,16 +199,12 @@ def _describe_object(
 def _describe_run(variant: str, result: Result, order: Sequence[str]) -> dict[str, Any]:
     """What the template shows of a run."""
     metrics = result.metrics
-    return {
-        "variant": variant,
+    return describe_numbers(variant, metrics) | {
         "place": order.index(variant),
-        "values": {m.key: show(metrics.get(m.key), m) for m in METRICS},
-        "numbers": {m.key: metrics.get(m.key) for m in METRICS},
-        "incoherent": is_incoherent(metrics),
         "initial": describe_initial(metrics.get("first", {})),
         "fit_warnings": metrics.get("fit", {}).get("warnings", []),
         "texture_warnings": metrics.get("texture", {}).get("warnings", []),
-        "thumbnail": _embed_thumbnail(result.picture),
+        "thumbnail": f"data:image/webp;base64,{encode_thumbnail(result.picture)}",
         "cameras": metrics.get("cameras"),
         "initial_mesh": result.exhibit["first"],
         "standing": result.exhibit.get("standing"),
@@ -463,17 +436,6 @@ def _dotted(values: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]
     return rows
 
 
-def _versions() -> dict[str, str]:
-    """Versions of Python and of the libraries that decide the numbers, here and now."""
-    found = {"Python": python_version()}
-    for name in PACKAGES:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = LACKING
-    return found
-
-
 def _embed_still(picture: Path, room: int) -> str | None:
     """A picture as wide as it may be to fit in about so many bytes, or None."""
     with Image.open(picture) as image:
@@ -483,9 +445,3 @@ def _embed_still(picture: Path, room: int) -> str | None:
             return None
         small = image.convert("RGB").resize(fitting[0], Image.Resampling.LANCZOS)
     return f"data:image/webp;base64,{encode_webp(small, 70)}"
-
-
-def _embed_thumbnail(picture: Path) -> str:
-    with Image.open(picture) as image:
-        small = crop_thumbnail(image).resize((THUMBNAIL, THUMBNAIL), Image.Resampling.LANCZOS)
-    return f"data:image/webp;base64,{encode_webp(small.convert('RGB'), 75)}"

@@ -1,6 +1,8 @@
 """The files that the page is put together from; read by the Snakefile, so nothing heavy here."""
 
-TEMPLATE = "page.html.j2"
+PAGE = "page.html.j2"
+BASE = "base.html.j2"  # of the page and of the index
+LISTED = 50  # a report of more objects is an index, and a page of each
 STYLES = ("vendor/uplot.min.css", "assets/page.css")
 SCRIPTS = (
     "assets/unpack.js",
@@ -11,4 +13,4 @@ SCRIPTS = (
     "assets/page.js",
 )
 LIBRARIES = {"uplot": "vendor/uplot.min.js", "three": "vendor/three.min.js"}  # run when needed
-PARTS = (TEMPLATE, *STYLES, *SCRIPTS, *LIBRARIES.values())
+PARTS = (PAGE, BASE, *STYLES, *SCRIPTS, *LIBRARIES.values())
