@@ -31,11 +31,17 @@ logging.raiseExceptions = False
 # Where the command `silmesh` runs this, it ends with the command.
 end_with_parent()
 
-# What is left of a run and asked for by no other rule; any of it that is lost is made again. A file
-# that is asked for twice is looked for twice, which many objects feel.
-RESULTS = ("mesh.glb",)
+# What is left of a run; any of it that is lost is made again.
+RESULTS = (
+    "mesh.ply",
+    "mesh.obj",
+    "mesh.glb",
+    "cameras.json",
+    "loss.csv",
+    "metrics.json",
+)
 # Beside the mesh of a run with a texture.
-COMPANIONS = ("mesh.obj", "mesh.mtl", "mesh.png")
+COMPANIONS = ("mesh.mtl", "mesh.png", "coloured.ply", "texture.json")
 
 
 # Read strictly first: Snakemake would take the last of two equal keys in silence.

@@ -504,7 +504,7 @@ def test_a_folder_that_may_not_be_read(table, monkeypatch):
     def refuse(path):
         raise PermissionError(13, "Permission denied", str(path))
 
-    monkeypatch.setattr(Path, "iterdir", refuse)
+    monkeypatch.setattr(os, "scandir", refuse)
     assert "photos: cannot be read: Permission denied" in refusal(table, HEADER + line())
 
 
