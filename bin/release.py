@@ -61,7 +61,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     if given.dry_run:
         print(f"bin/release: {version} can be released")
     else:
-        publish(version, given.push)
+        publish(version)
+        push(version, given.push)
 
 
 def find_version(root: Path) -> str:
@@ -168,18 +169,22 @@ def keep(files: Sequence[Path], folder: Path) -> None:
         shutil.copy(file, folder)
 
 
-def publish(version: str, remote: str | None) -> None:
-    """Add the manual to its branch, tag the commit, and push all if a remote is named."""
+def publish(version: str) -> None:
+    """Add the manual to its branch, and tag the commit with what changed."""
     _run("mike", "deploy", "--branch", SITE, "--update-aliases", version, "latest", cwd=ROOT)
     _run("mike", "set-default", "--branch", SITE, "latest", cwd=ROOT)
     message = f"silmesh {version}\n\n{find_changes(ROOT, version)}"
     _run("git", "tag", "--annotate", "--cleanup=verbatim", f"v{version}", "-m", message, cwd=ROOT)
-    push = ["git", "push", remote or "REMOTE", "HEAD", SITE, f"v{version}"]
-    if remote:
-        _run(*push, cwd=ROOT)
     print(f"bin/release: {version} is tagged; the files to install are in dist/")
-    if not remote:
-        print(f"bin/release: nothing is pushed yet: {' '.join(push)}")
+
+
+def push(version: str, remote: str | None) -> None:
+    """Push what was published on this machine, or say how that is done."""
+    words = ["git", "push", remote or "REMOTE", "HEAD", SITE, f"v{version}"]
+    if remote:
+        _run(*words, cwd=ROOT)
+    else:
+        print(f"bin/release: nothing is pushed yet; {' '.join(words)}")
 
 
 def _git(root: Path, *words: str) -> str:
