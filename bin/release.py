@@ -147,8 +147,8 @@ def refuse_other_files(wheel: Path, expected: set[str]) -> None:
 def try_out(wheel: Path, environment: Path) -> None:
     """Install a wheel in a new environment, and make a mesh there.
 
-    What silmesh needs is lent by the environment that runs this; silmesh itself, being a link in
-    that one, is not.
+    What silmesh needs is lent by the environment that runs this; silmesh itself is not, being there
+    a link to the project's folder.
 
     Raises:
         NotReadyError: it makes none
@@ -156,8 +156,8 @@ def try_out(wheel: Path, environment: Path) -> None:
     venv.create(environment, with_pip=False, symlinks=True)
     python = environment / "bin" / "python"
     _run(sys.executable, "-m", "pip", "--python", python, "install", "--quiet", "--no-deps", wheel)
-    lent = environment / Path(sysconfig.get_path("purelib")).relative_to(sys.prefix) / "lent.pth"
-    lent.write_text(sysconfig.get_path("purelib"), encoding="utf-8")
+    lent = [path for path in sys.path if Path(path).name == "site-packages"]
+    (_site_packages(environment) / "lent.pth").write_text("\n".join(lent), encoding="utf-8")
     if subprocess.run([ROOT / "bin" / "smoke", python], check=False).returncode:
         raise NotReadyError(f"{wheel.name}: makes no mesh where it is installed")
 
@@ -185,6 +185,11 @@ def push(version: str, remote: str | None) -> None:
         _run(*words, cwd=ROOT)
     else:
         print(f"bin/release: nothing is pushed yet; {' '.join(words)}")
+
+
+def _site_packages(environment: Path) -> Path:
+    places = {"base": str(environment), "platbase": str(environment)}
+    return Path(sysconfig.get_path("purelib", vars=places))
 
 
 def _git(root: Path, *words: str) -> str:
