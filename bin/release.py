@@ -9,6 +9,7 @@ tagged. Nothing is asked, and nothing leaves this machine unless --push says whe
 
 import argparse
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -56,13 +57,13 @@ def main(argv: Sequence[str] | None = None) -> None:
             try_out(wheel, Path(folder) / "environment")
             if not given.dry_run:
                 keep([sdist, wheel], ROOT / "dist")
+        if given.dry_run:
+            print(f"bin/release: {version} can be released")
+        else:
+            publish(version)
+            push(version, given.push)
     except NotReadyError as error:
         sys.exit(f"bin/release: {error}")
-    if given.dry_run:
-        print(f"bin/release: {version} can be released")
-    else:
-        publish(version)
-        push(version, given.push)
 
 
 def find_version(root: Path) -> str:
@@ -198,7 +199,9 @@ def _git(root: Path, *words: str) -> str:
 
 
 def _run(*words: str | Path, cwd: Path | None = None) -> None:
-    subprocess.run([str(word) for word in words], cwd=cwd, check=True)
+    command = [str(word) for word in words]
+    if status := subprocess.run(command, cwd=cwd, check=False).returncode:
+        raise NotReadyError(f"{shlex.join(command)}: ended with status {status}")
 
 
 def _read(path: Path) -> str:
