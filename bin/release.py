@@ -34,6 +34,7 @@ PLACES = {
     "CHANGELOG.md": r"^## (\S+)$",
     "CITATION.cff": r"^version: (\S+)$",
     "Snakefile": r"\bdocker://silmesh:([\w.]+)",
+    "docs/scale.md": r"^image=silmesh:(\S+)$",
 }
 
 
