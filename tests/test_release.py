@@ -50,7 +50,7 @@ def project(tmp_path: Path) -> Path:
     for name in ("pyproject.toml", *release.PLACES):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, folder / name)
-    (folder / "docs").mkdir()
+    (folder / "docs").mkdir(exist_ok=True)
     (folder / "docs/index.md").write_text("# Mine\n")
     (folder / "mkdocs.yml").write_text(SITE)
     git(folder, "init", "--quiet", "--initial-branch", "main")
