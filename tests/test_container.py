@@ -115,4 +115,5 @@ def test_its_entry_is_the_command_and_its_environment_is_small(built):
     assert done.stdout.startswith("silmesh, version ")
     files = [path for path in (built.root / "opt/silmesh").rglob("*") if path.is_file()]
     assert sum(path.lstat().st_size for path in files) < LARGEST
-    assert not [path for path in files if re.match("libcu(da|dnn|blas)", path.name)]
+    cuda = {path.parent.name for path in files if re.match("libcu(da|dnn|blas)", path.name)}
+    assert cuda <= {"torchvision.libs"}  # PyPI's torchvision has a runtime of less than 1 MB in it
