@@ -1,6 +1,7 @@
 """Photographs to meshes: silhouettes, cameras, an initial mesh, the fit, and what it came to."""
 
 import logging
+import os
 import sys
 from inspect import signature
 from pathlib import Path
@@ -58,8 +59,9 @@ if not workflow.configfiles:
     configfile: "config/config.yaml"
 
 
-# Only `snakemake --lint` asks for it. Steps run in the environment that runs this, see below.
-container: "docker://python:3.11-slim"
+# What `--software-deployment-method apptainer` runs steps in. Otherwise they run in the environment
+# that runs this, see below. docs/scale.md says how the image is built.
+container: os.environ.get("SILMESH_IMAGE", "docker://silmesh:0.1.0")
 
 
 report: "workflow/report/workflow.rst"

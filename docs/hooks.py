@@ -1,4 +1,4 @@
-"""Adds to the site what is made from the code and from the notebook."""
+"""Adds to the site what is made from the code, from the notebook and from the changelog."""
 
 import json
 from base64 import b64decode
@@ -37,13 +37,17 @@ More is said of `quality` in [Silhouettes](silhouettes.md#policy), of `matting`
 
 
 NOTEBOOK = Path(__file__).with_name("notebook.ipynb")
+CHANGELOG = Path(__file__).parents[1] / "CHANGELOG.md"
 PNG, TEXT = "image/png", "text/plain"
 
 
 def on_files(files: Files, config: dict) -> Files:
-    """Add the page of the configuration's keys, and the notebook with its pictures."""
+    """Add the pages of the configuration's keys and of the changes, and the notebook."""
     page = CONFIGURATION + describe_configuration()
     files.append(File.generated(config, "configuration.md", content=page))
+    files.append(
+        File.generated(config, "changes.md", content=CHANGELOG.read_text(encoding="utf-8"))
+    )
     for name, content in read_notebook(NOTEBOOK).items():
         files.append(File.generated(config, name, content=content))
     return files
