@@ -45,13 +45,15 @@ MinJobAge=300
 MessageTimeout=5
 SchedulerParameters=sched_interval=2,bf_interval=2
 SlurmdParameters=config_overrides
+GresTypes=gpu
 {nodes}
 PartitionName=work Nodes=ALL Default=YES MaxTime=60 State=UP
 PartitionName=closed Nodes=ALL MaxTime=60 State=DOWN
 """
 NODE = (
-    "NodeName={name} NodeHostname={host} NodeAddr=10.0.0.1 Port={port} CPUs=2 RealMemory={memory}"
+    "NodeName={name} NodeHostname={host} NodeAddr=10.0.0.1 Port={port} CPUs=8 RealMemory=32000"
 )
+GPU = "two"  # the node that has one, on paper
 
 
 def find_hindrance() -> str:
@@ -71,17 +73,17 @@ class Slurm:
 
     Args:
         folder: for its state and logs
-        memory: megabytes of each node, on paper
     """
 
-    def __init__(self, folder: Path, memory: int = 16000):
+    def __init__(self, folder: Path):
         self.folder = folder
         nodes = [
-            NODE.format(name=name, host=HOST, port=6820 + i, memory=memory)
+            NODE.format(name=name, host=HOST, port=6820 + i) + " Gres=gpu:1" * (name == GPU)
             for i, name in enumerate(NODES)
         ]
         (folder / "state").mkdir(parents=True)
         (folder / "etc").mkdir()
+        (folder / "etc/gres.conf").write_text(f"NodeName={GPU} Name=gpu File=/dev/zero\n")
         text = CONFIGURATION.format(host=HOST, folder=folder, nodes="\n".join(nodes))
         (folder / "etc/slurm.conf").write_text(text)
         settle = (
@@ -110,11 +112,11 @@ class Slurm:
         pid = self._space.pid
         return [int(p) for p in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
-    def within(self, words: Sequence[str]) -> list[str]:
-        """A command, as it is started from outside to run inside."""
+    def within(self, words: Sequence[str], folder: Path | str = "/") -> list[str]:
+        """A command, as it is started from outside to run inside, in a folder."""
         (inner, *_) = self._children()
         spaces = ("--mount", "--pid", "--net", "--uts")
-        return ["nsenter", f"--target={inner}", *spaces, "--wdns=.", "--", *words]
+        return ["nsenter", f"--target={inner}", *spaces, f"--wdns={folder}", "--", *words]
 
     def ask(self, *words: str) -> str:
         """What a command inside says; "" where it fails."""
@@ -130,9 +132,14 @@ class Slurm:
         subprocess.run(self.within(["slurmd", "-N", name]), check=True)
 
     def kill(self, daemon: str) -> None:
-        """Kill ``slurmctld`` or ``slurmd-<node>``, and what a node's daemon has started."""
-        pid = (self.folder / f"{daemon}.pid").read_text().strip()
-        self.ask("kill", "-9", pid)
+        """Kill ``slurmctld`` or ``slurmd-<node>``; what that has started lives on."""
+        self.ask("kill", "-9", (self.folder / f"{daemon}.pid").read_text().strip())
+
+    def lose_node(self, name: str) -> None:
+        """Kill a node's daemon and all that it has started, as if the power were cut."""
+        self.kill(f"slurmd-{name}")
+        for process in self.ask("pgrep", "-f", "^slurmstepd").split():
+            self.ask("sh", "-c", f"kill -9 -- -$(ps -o sid= {process} | tr -d ' ') {process}")
 
     def states(self) -> dict[str, str]:
         """What the controller says of each node: ``idle``, ``mixed``, ``down``..."""
