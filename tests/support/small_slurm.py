@@ -37,7 +37,7 @@ AccountingStorageType=accounting_storage/none
 SelectType=select/cons_tres
 SelectTypeParameters=CR_Core_Memory
 ReturnToService=2
-SlurmdTimeout=10
+SlurmdTimeout=20
 SlurmctldTimeout=10
 InactiveLimit=0
 KillWait=2
@@ -50,9 +50,7 @@ GresTypes=gpu
 PartitionName=work Nodes=ALL Default=YES MaxTime=60 State=UP
 PartitionName=closed Nodes=ALL MaxTime=60 State=DOWN
 """
-NODE = (
-    "NodeName={name} NodeHostname={host} NodeAddr=10.0.0.1 Port={port} CPUs=8 RealMemory=32000"
-)
+NODE = "NodeName={name} NodeHostname={host} NodeAddr=10.0.0.1 Port={port} CPUs=8 RealMemory=32000"
 GPU = "two"  # the node that has one, on paper
 
 
@@ -87,7 +85,8 @@ class Slurm:
         text = CONFIGURATION.format(host=HOST, folder=folder, nodes="\n".join(nodes))
         (folder / "etc/slurm.conf").write_text(text)
         settle = (
-            f"hostname {HOST} && ip link set lo up && ip addr add 10.0.0.1/32 dev lo && mount --bind {folder}/etc /etc/slurm"
+            f"hostname {HOST} && ip link set lo up && ip addr add 10.0.0.1/32 dev lo"
+            f" && mkdir -p /etc/slurm && mount --bind {folder}/etc /etc/slurm"
             f" && cp /etc/hosts {folder}/hosts && echo 10.0.0.1 {HOST} >> {folder}/hosts"
             f" && mount --bind {folder}/hosts /etc/hosts && touch {folder}/settled"
             " && exec cat"  # ends, and all with it, when its input closes
@@ -101,7 +100,7 @@ class Slurm:
         self.start_controller()
         for name in NODES:
             self.start_node(name)
-        self.wait_for(lambda: self.states() == {name: "idle" for name in NODES}, "idle nodes")
+        self.wait_for(lambda: self.states() == dict.fromkeys(NODES, "idle"), "idle nodes")
 
     def end(self) -> None:
         """End all that was started in it."""

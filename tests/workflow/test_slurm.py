@@ -14,8 +14,6 @@ import pytest
 from processes import wait_for
 from small_slurm import GPU, Slurm, find_hindrance, small_slurm
 
-from silmesh.planning.needs import read_needs
-
 CHANGING = (".snakemake_timestamp", "report.html", "plan.json")
 SECONDS = re.compile(rb'"(\w*seconds)": [\d.e-]+|,[\d.e-]+$', re.M)
 MESH = "results/cup/round/mesh.glb"
@@ -38,6 +36,13 @@ def hindrance() -> str:
 
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(bool(hindrance()), reason=hindrance())]
+
+
+@pytest.fixture
+def project(project):
+    """A copy of the finished project, of which a run is to be made again."""
+    shutil.rmtree(project / "results/cup/round")
+    return project
 
 
 @pytest.fixture(scope="module")
@@ -106,9 +111,10 @@ def test_the_bytes_of_a_run_without_it(slurm, fresh, finished):
 @pytest.mark.parametrize("lost", ["job", "node", "controller"])
 def test_what_is_lost_is_made_again(slurm, project, finished, tmp_path, lost):
     wait_in_fit(project)
-    shutil.rmtree(project / "results/cup/round")
     marker = tmp_path / "marker"
-    process = start(slurm, project, MESH, "results/cup/round/mesh.ply", SILMESH_TEST_STOP=str(marker))
+    process = start(
+        slurm, project, MESH, "results/cup/round/mesh.ply", SILMESH_TEST_STOP=str(marker)
+    )
     try:
         assert wait_for(lambda: marker.exists() and marker.read_text()), process.poll()
         if lost == "job":
@@ -150,7 +156,6 @@ def test_a_queue_that_refuses_is_told_of_before_any_job(slurm, fresh, options, w
 
 
 def test_a_full_disk_on_a_node(slurm, project):
-    shutil.rmtree(project / "results/cup/round")
     place = project / "results/cup/round"
     place.mkdir()
     slurm.ask("mount", "-t", "tmpfs", "-o", "size=4k", "small", str(place))
