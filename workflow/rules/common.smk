@@ -12,7 +12,7 @@ from silmesh.report.parts import PARTS
 
 REPORT_PLAN = "results/report/plan.json"
 
-needs = read_needs(Path(workflow.basedir) / "workflow" / "needs.tsv")
+needs = read_needs(Path(workflow.source_path("../needs.tsv")))
 given_gpus = workflow.global_resources.get(
     "gpu"
 )  # before Snakemake puts in a limit of its own
