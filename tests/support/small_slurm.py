@@ -149,9 +149,9 @@ class Slurm:
         """The numbers of the jobs in a state."""
         return self.ask("squeue", "-h", "-t", state, "-o", "%i").split()
 
-    def wait_for(self, reached, what: str) -> None:
+    def wait_for(self, reached, what: str, patience: float = PATIENCE) -> None:
         """Wait until something came true."""
-        end = time.monotonic() + PATIENCE
+        end = time.monotonic() + patience
         while not reached():
             assert time.monotonic() < end, f"SLURM has not {what} in time; see {self.folder}"
             time.sleep(0.2)
