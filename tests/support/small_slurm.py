@@ -137,8 +137,9 @@ class Slurm:
     def lose_node(self, name: str) -> None:
         """Kill a node's daemon and all that it has started, as if the power were cut."""
         self.kill(f"slurmd-{name}")
-        for process in self.ask("pgrep", "-f", "^slurmstepd").split():
-            self.ask("sh", "-c", f"kill -9 -- -$(ps -o sid= {process} | tr -d ' ') {process}")
+        self.ask("pkill", "-9", "-f", "^slurmstepd")
+        started = f"grep -lzx SLURMD_NODENAME={name} /proc/[0-9]*/environ | cut -d/ -f3"
+        self.ask("sh", "-c", f"kill -9 $({started})")
 
     def states(self) -> dict[str, str]:
         """What the controller says of each node: ``idle``, ``mixed``, ``down``..."""
