@@ -5,12 +5,14 @@ It needs Debian's slurmctld, slurmd and slurm-client, and root. Its processes, i
 several of them do not meet.
 """
 
+import os
 import shutil
 import subprocess
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 HOST = "small"
 NODES = ("one", "two")
@@ -54,16 +56,39 @@ NODE = "NodeName={name} NodeHostname={host} NodeAddr=10.0.0.1 Port={port} CPUs=8
 GPU = "two"  # the node that has one, on paper
 
 
+COMMANDS = ("slurmctld", "slurmd", "sbatch", "ip", "unshare", "nsenter", "pkill")
+NAMESPACES = ("--mount", "--pid", "--fork", "--mount-proc", "--net", "--uts")
+SETTLE = """\
+set -e
+hostname {host}
+ip link set lo up
+ip addr add 10.0.0.1/32 dev lo
+mkdir -p /etc/slurm
+mount --bind '{folder}/etc' /etc/slurm
+cp /etc/hosts '{folder}/hosts'
+echo 10.0.0.1 {host} >>'{folder}/hosts'
+mount --bind '{folder}/hosts' /etc/hosts
+touch '{folder}/settled'
+"""
+
+
 def find_hindrance() -> str:
     """Why none can be started here; "" if one can."""
-    lacking = [name for name in ("slurmctld", "slurmd", "sbatch") if not shutil.which(name)]
+    lacking = [name for name in COMMANDS if not shutil.which(name)]
     if lacking:
-        return f"{lacking[0]} is not installed (Debian: slurmctld slurmd slurm-client)"
-    tried = subprocess.run(["unshare", *NAMESPACES, "true"], capture_output=True, text=True)
+        return f"{lacking[0]} is not there (Debian: slurmctld slurmd slurm-client iproute2 procps)"
+    if os.getuid() != 0:
+        return "only root can start a SLURM of its own"
+    with TemporaryDirectory() as folder:
+        os.mkdir(f"{folder}/etc")
+        tried = subprocess.run(
+            _in_namespaces(SETTLE.format(host=HOST, folder=folder)), capture_output=True, text=True
+        )
     return f"no namespaces: {tried.stderr.strip()}" if tried.returncode else ""
 
 
-NAMESPACES = ("--mount", "--pid", "--fork", "--mount-proc", "--net", "--uts")
+def _in_namespaces(script: str) -> list[str]:
+    return ["unshare", *NAMESPACES, "sh", "-c", script]
 
 
 class Slurm:
@@ -84,15 +109,9 @@ class Slurm:
         (folder / "etc/gres.conf").write_text(f"NodeName={GPU} Name=gpu File=/dev/zero\n")
         text = CONFIGURATION.format(host=HOST, folder=folder, nodes="\n".join(nodes))
         (folder / "etc/slurm.conf").write_text(text)
-        settle = (
-            f"hostname {HOST} && ip link set lo up && ip addr add 10.0.0.1/32 dev lo"
-            f" && mkdir -p /etc/slurm && mount --bind {folder}/etc /etc/slurm"
-            f" && cp /etc/hosts {folder}/hosts && echo 10.0.0.1 {HOST} >> {folder}/hosts"
-            f" && mount --bind {folder}/hosts /etc/hosts && touch {folder}/settled"
-            " && exec cat"  # ends, and all with it, when its input closes
-        )
-        words = ["unshare", *NAMESPACES, "sh", "-c", settle]
-        self._space = subprocess.Popen(words, stdin=subprocess.PIPE)
+        # Ends, and all with it, when its input closes: also when these tests are killed.
+        stay = SETTLE.format(host=HOST, folder=folder) + "exec cat"
+        self._space = subprocess.Popen(_in_namespaces(stay), stdin=subprocess.PIPE)
 
     def begin(self) -> None:
         """Start all daemons, and wait until the nodes are there."""
@@ -140,6 +159,12 @@ class Slurm:
         self.ask("pkill", "-9", "-f", "^slurmstepd")
         started = f"grep -lzx SLURMD_NODENAME={name} /proc/[0-9]*/environ | cut -d/ -f3"
         self.ask("sh", "-c", f"kill -9 $({started})")
+
+    def hasten(self) -> None:
+        """Let jobs begin that SLURM put back into its queue: it has them wait for two minutes."""
+        self.wait_for(lambda: self.jobs("pending"), "put a job back")
+        for job in self.jobs("pending"):
+            self.ask("scontrol", "update", f"JobId={job}", "StartTime=now")
 
     def states(self) -> dict[str, str]:
         """What the controller says of each node: ``idle``, ``mixed``, ``down``..."""

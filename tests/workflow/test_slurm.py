@@ -21,8 +21,15 @@ SECONDS = re.compile(rb'"(\w*seconds)": [\d.e-]+|,[\d.e-]+$', re.M)
 MESH = "results/cup/round/mesh.glb"
 OPTIONS = (
     *("--workflow-profile", "profiles/slurm", "--slurm-no-account"),
-    *("--slurm-status-command", "squeue", "--slurm-init-seconds-before-status-checks", "2"),
+    *("--slurm-status-command", "squeue"),
 )
+# The plugin looks at its jobs after 2 s, 12 s more, 22 s more...; here always after two seconds.
+SNAKEMAKE = """\
+from snakemake_executor_plugin_slurm import Executor
+Executor.next_seconds_between_status_checks = property(lambda self: 2, lambda self, seconds: None)
+from snakemake.cli import main
+main()
+"""
 PATIENCE = 1200.0  # seconds for what takes one or two minutes on an idle machine
 WAIT = """\
         if (stop := os.environ.get("SILMESH_TEST_STOP")) and not os.path.exists(stop):
@@ -37,7 +44,8 @@ def hindrance() -> str:
     return find_hindrance()
 
 
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(bool(hindrance()), reason=hindrance())]
+HINDRANCE = hindrance()
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(bool(HINDRANCE), reason=HINDRANCE)]
 
 
 @pytest.fixture
@@ -57,7 +65,7 @@ def start(slurm: Slurm, project, *arguments: str, **environment: str) -> subproc
     """Start a run whose jobs go to SLURM."""
     kept = {k: v for k, v in os.environ.items() if not k.startswith("SNAKEMAKE")}
     return subprocess.Popen(
-        slurm.within([sys.executable, "-m", "snakemake", *OPTIONS, *arguments], project.folder),
+        slurm.within([sys.executable, "-c", SNAKEMAKE, *OPTIONS, *arguments], project.folder),
         env=kept | {"PYTHONPATH": str(project / "src")} | environment,
         text=True,
         stdout=subprocess.PIPE,
@@ -125,6 +133,7 @@ def test_what_is_lost_is_made_again(slurm, project, finished, tmp_path, lost):
             slurm.lose_node(GPU)
             slurm.wait_for(lambda: slurm.states()[GPU].startswith("down"), f"lost {GPU}")
             slurm.start_node(GPU)
+            slurm.hasten()
         else:
             slurm.kill("slurmctld")
             slurm.ask("kill", "-9", marker.read_text())
