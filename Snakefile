@@ -21,7 +21,7 @@ from silmesh.settings.fit import AUTO, SoftRasFit
 from silmesh.settings.silhouettes import FOREGROUND_MODELS, WEIGHTS
 from silmesh.settings.train import TRAINED
 from silmesh.synthetic.layout import is_promised, photograph_names, promised_files
-from silmesh.steps.fork_server import start
+from silmesh.steps.fork_server import serve_job, start
 from silmesh.planning.yamls import read_configuration
 
 min_version("9.10")
@@ -70,6 +70,11 @@ report: "workflow/report/workflow.rst"
 # Steps run by the Python that runs this.
 shell.prefix(f"PATH={quote(str(Path(sys.executable).parent))}:$PATH; ")
 
+# A job of a cluster runs this anew, without what stands in onstart. SLURM's runs it twice, the second
+# time where the steps are.
+if workflow.remote_exec and "slurm-jobstep" not in sys.argv:
+    serve_job(several=workflow.group_settings.local_groupid != "local")
+
 try:
     plan = Plan(config, ", ".join(map(str, workflow.configfiles)))
 except InputError as error:
@@ -87,10 +92,16 @@ except InputError as error:
 # Snakemake's own lock, which a kill leaves behind, is off in the profile.
 onstart:
     try:
+        if on_slurm():
+            try_queue()
         begin_run()
         write_report_plan()
-    except (BusyError, InputError) as error:
-        sys.exit(f"silmesh: {error}")
+    except (
+        BusyError,
+        InputError,
+    ) as error:  # said at once: an executor's end may take a while
+        print(f"silmesh: {error}", file=sys.stderr, flush=True)
+        sys.exit(1)
     except OSError as error:
         sys.exit(f"silmesh: {error.filename}: {error.strerror}")
     start()

@@ -112,6 +112,16 @@ def test_a_step_that_begins_after_its_run_has_ended_does_nothing(folder):
     os.close(theirs)
 
 
+def test_a_step_on_another_machine_holds_up_the_next_run(folder):
+    elsewhere = os.environ | {LIFELINE: "1-2"}  # of its run, whose pipe no other machine has
+    step = python(STEP, cwd=folder, stdin=subprocess.DEVNULL, env=elsewhere)
+    assert step.stdout.readline() == "at work\n"
+    _, told = python(RUN, cwd=folder).communicate()
+    assert told.startswith("a step of a run that was killed is still at work in ")
+    end(step)
+    assert python(RUN, cwd=folder).communicate()[0] == "begun\n"
+
+
 @pytest.mark.parametrize("environment", [{}, {LIFELINE: "1-2"}])
 def test_a_step_that_no_run_started_minds_no_input(folder, environment):
     alone = python(STEP, cwd=folder, env=os.environ | environment, stdin=subprocess.DEVNULL)

@@ -14,6 +14,8 @@ rule cameras:
     benchmark:
         "logs/cameras/{object}-{views}-{cameras}.tsv"
     priority: 10
+    resources:
+        **resources("cameras"),
     params:
         files=lambda w: texts(with_cameras(w).camera_files),
         read=lambda w: given_digest(with_cameras(w).camera_files),
@@ -42,7 +44,9 @@ rule calibrate:
     benchmark:
         "logs/cameras/{object}-{views}-{source}-{calibration}.tsv"
     priority: 10
-    threads: 2
+    threads: needs["calibrate"].threads
+    resources:
+        **resources("calibrate"),
     params:
         known=known_geometry,
         sets=sets_given,

@@ -15,7 +15,9 @@ rule colmap_features:
     benchmark:
         "logs/colmap/{object}-features-{features}.tsv"
     priority: 10
-    threads: workflow.cores
+    threads: all_cores("colmap_features")
+    resources:
+        **resources("colmap_features"),
     params:
         images=lambda w: texts(with_features(w).dataset.images),
         read=lambda w: given_digest(with_features(w).dataset.images),
@@ -38,7 +40,9 @@ rule colmap_matches:
     benchmark:
         "logs/colmap/{object}-matches-{matches}.tsv"
     priority: 10
-    threads: workflow.cores
+    threads: all_cores("colmap_matches")
+    resources:
+        **resources("colmap_matches"),
     params:
         settings=lambda w: settings(with_matches(w).settings.colmap.part(Matches)),
         code=code_digest("silmesh.steps.colmap_matches"),
@@ -60,6 +64,8 @@ rule colmap_map:
     benchmark:
         "logs/colmap/{object}-map-{model}.tsv"
     priority: 10
+    resources:
+        **resources("colmap_map"),
     params:
         settings=lambda w: settings(with_model(w).settings.colmap.part(Reconstruction)),
         code=code_digest("silmesh.steps.colmap_map"),
@@ -80,7 +86,9 @@ rule colmap:
     log:
         "logs/colmap/{object}-{views}-{source}-{digest}.log",
     priority: 10
-    threads: 2
+    threads: needs["colmap"].threads
+    resources:
+        **resources("colmap"),
     params:
         code=code_digest("silmesh.steps.colmap"),
     message:
@@ -103,7 +111,9 @@ rule colmap_masked:
     log:
         "logs/colmap/{object}-{views}-{source}-{masks}-{digest}.log",
     priority: 10
-    threads: 2
+    threads: needs["colmap_masked"].threads
+    resources:
+        **resources("colmap_masked"),
     params:
         settings=lambda w: settings(with_colmap(w).settings.colmap),
         unmasked=lambda w, input: (

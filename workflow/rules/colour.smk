@@ -16,6 +16,8 @@ rule colour:
         "logs/colour/{object}-{variant}.tsv"
     wildcard_constraints:
         variant=plan.variants("textured", False),
+    resources:
+        **resources("colour"),
     params:
         code=code_digest("silmesh.steps.colour"),
     message:

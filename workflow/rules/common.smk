@@ -1,14 +1,102 @@
 # What the rules share: the runs behind their wildcards, and the arguments that need choosing.
 
 import json
+import os
+from functools import cache
 
 from silmesh.files import remove, replacing
+from silmesh.planning.needs import read_needs
+from silmesh.planning.slurm import has_gpus, try_job
 from silmesh.reading import split_row
 from silmesh.report.parts import LISTED, PARTS
 
 REPORT_PLAN = "results/report/plan.json"
 PAGES = "results/report/objects"  # of the objects, if they are many
 UNFINISHED = "results/report/unfinished.html"
+
+needs = read_needs(Path(workflow.source_path("../needs.tsv")))
+given_gpus = workflow.global_resources.get(
+    "gpu"
+)  # before Snakemake puts in a limit of its own
+
+
+def on_cluster():
+    """Whether jobs have a machine of their own, and do not share this one's cores."""
+    return workflow.remote_exec or workflow.non_local_exec
+
+
+def all_cores(step):
+    """The threads of a step that nothing runs beside on this machine."""
+    return lambda _: needs[step].threads if on_cluster() else workflow.cores
+
+
+def shared_cores(step):
+    """The threads of a step of a run, which here has its share of the cores."""
+    share = lambda: max(1, workflow.cores // len(plan.runs))
+    return lambda _: needs[step].threads if on_cluster() else share()
+
+
+@cache
+def megapixels(object_):
+    """Of an object's working images, the largest that a run of it has."""
+    runs = [run for run in plan.runs if run.dataset.object == object_]
+    views = len(runs[0].dataset.images)
+    return views * max(run.settings.views.size for run in runs) ** 2 / 1e6
+
+
+def resources(step):
+    """What a scheduler is asked for a step's job, by Snakemake's names: functions of it."""
+    need = needs[step]
+
+    def extent(wildcards):
+        named = getattr(wildcards, "object", None)
+        return len(plan.runs) if named is None else megapixels(named)
+
+    asked = {
+        "mem_mb": lambda w, attempt: need.memory_of(extent(w), attempt),
+        "runtime": lambda w, attempt: need.minutes_of(extent(w), attempt),
+    }
+    return asked | ({"gpu": gpus} if need.gpus else {})
+
+
+def gpus(wildcards):
+    """Those of a fit, where there are some and it may use them: none is no request."""
+    fit = plan.run(wildcards.object, wildcards.variant).settings.fit
+    return needs["fit"].gpus if fit.device != "cpu" and gpus_there() else None
+
+
+@cache
+def gpus_there():
+    """Whether jobs may ask for a GPU: as --resources gpu=N says, else SLURM."""
+    if workflow.remote_exec:  # a job has what it was given
+        return "SLURM_GPUS" in os.environ
+    most = given_gpus and given_gpus.value
+    return on_slurm() and has_gpus() if most is None else most > 0
+
+
+def on_slurm():
+    """Whether this run gives its jobs to SLURM."""
+    return workflow.executor_plugin.name == "slurm"
+
+
+def try_queue():
+    """Have SLURM judge the largest jobs of each account and partition, before the first is queued."""
+    places = {
+        "account": "slurm_account",
+        "partition": "slurm_partition",
+        **{key: key for key in ("qos", "constraint")},
+        "gpus": "gpu",
+    }
+    sizes = {"cpus-per-task": "_cores", "mem": "mem_mb", "time": "runtime"}
+    largest = {}
+    for job in workflow.dag.needrun_jobs():
+        asked = (workflow.dag.get_job_group(job) or job).resources
+        where = tuple(asked.get(name) for name in places.values())
+        size = tuple(asked.get(name, 0) for name in sizes.values())
+        if not job.is_local:
+            largest[where] = tuple(map(max, size, largest.get(where, size)))
+    for where, size in largest.items():
+        try_job(dict(zip(places, where)) | dict(zip(sizes, size)))
 
 
 def code_digest(*modules):
@@ -99,7 +187,7 @@ with_scene, with_judged, with_initial = map(with_stage, ("scene", "judged", "ini
 
 def judge_threads(wildcards):
     """One where nothing waits for it, so that it runs beside the initial mesh."""
-    return 1 if with_judged(wildcards).policy == "keep" else 2
+    return 1 if with_judged(wildcards).policy == "keep" else needs["judge"].threads
 
 
 def with_silhouettes(wildcards):
@@ -125,7 +213,7 @@ def silhouettes_files(wildcards):
 def silhouettes_threads(wildcards):
     """A network's threads, or those of a function of a person's own; another source has one."""
     run = with_silhouettes(wildcards)
-    return 2 if run.network or run.silhouettes_own else 1
+    return needs["silhouettes"].threads if run.network or run.silhouettes_own else 1
 
 
 def silhouettes_settings(wildcards):
@@ -209,8 +297,9 @@ def fitted_scene(run):
 
 
 def initial_threads(wildcards):
-    """Two where meshes are tried by fits; carving one leaves the other core to the judging."""
-    return 2 if with_initial(wildcards).settings.init.shape == "auto" else 1
+    """More than one where meshes are tried by fits; carving one leaves a core to the judging."""
+    chosen = with_initial(wildcards).settings.init.shape == "auto"
+    return needs["initial"].threads if chosen else 1
 
 
 def fit_inputs(wildcards):

@@ -16,6 +16,8 @@ rule evaluate:
         "logs/evaluate/{object}-{variant}.log",
     benchmark:
         "logs/evaluate/{object}-{variant}.tsv"
+    resources:
+        **resources("evaluate"),
     params:
         settings=fit_settings,
         truth=truth_arguments,

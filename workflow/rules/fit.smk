@@ -17,7 +17,9 @@ rule fit:
         "logs/fit/{object}-{variant}.tsv"
     wildcard_constraints:
         variant=plan.variants("photometric", False),
-    threads: max(1, workflow.cores // len(plan.runs))
+    threads: shared_cores("fit")
+    resources:
+        **resources("fit"),
     params:
         settings=fit_settings,
         shape=lambda w: plan.run(w.object, w.variant).settings.init.shape,

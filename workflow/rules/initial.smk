@@ -15,6 +15,8 @@ rule initial:
         "logs/first/{object}-{initial}.tsv"
     priority: 5
     threads: initial_threads
+    resources:
+        **resources("initial"),
     params:
         settings=lambda w: settings(with_initial(w).settings.init),
         trial=trial_settings,

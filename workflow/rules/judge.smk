@@ -15,6 +15,8 @@ rule judge:
         "logs/judge/{object}-{judged}.tsv"
     priority: 10
     threads: judge_threads
+    resources:
+        **resources("judge"),
     params:
         settings=lambda w: settings(with_judged(w).settings.quality),
         world=lambda w: "--keep-world" if with_judged(w).keeps_world else "",

@@ -21,7 +21,9 @@ rule relief:
         "logs/relief/{object}-{variant}.tsv"
     wildcard_constraints:
         variant=plan.variants("photometric", True),
-    threads: max(1, workflow.cores // len(plan.runs))
+    threads: shared_cores("relief")
+    resources:
+        **resources("relief"),
     params:
         settings=fit_settings,
         read=lambda w: given_digest(plan.of_object(w.object).images),

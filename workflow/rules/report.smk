@@ -25,6 +25,8 @@ rule figure:
         pdf="results/report/figures/{object}.pdf",
     log:
         "logs/figure/{object}.log",
+    resources:
+        **resources("figure"),
     params:
         experiments=lambda w: experiments_of(w.object),
         order=list(dict.fromkeys(run.member.experiment for run in plan.runs)),
@@ -73,6 +75,8 @@ rule picture:
         "logs/picture/{object}-{variant}.log",
     benchmark:
         "logs/picture/{object}-{variant}.tsv"
+    resources:
+        **resources("picture"),
     params:
         settings=fit_settings,
         standing=relief_argument("standing"),
@@ -105,6 +109,8 @@ rule gallery:
         shown="results/report/galleries/{object}/{judged}.json",
     log:
         "logs/gallery/{object}-{judged}.log",
+    resources:
+        **resources("gallery"),
     params:
         code=code_digest("silmesh.steps.gallery"),
     message:
@@ -127,6 +133,8 @@ rule rings:
         ),
     log:
         "logs/rings/{object}-{scene}.log",
+    resources:
+        **resources("rings"),
     params:
         code=code_digest("silmesh.steps.rings"),
     message:
@@ -152,6 +160,8 @@ rule conclude:
         pdf="results/report/comparison.pdf",
     log:
         "logs/conclude.log",
+    resources:
+        **resources("conclude"),
     params:
         told=text_digest(REPORT_PLAN_TEXT),
         plan=REPORT_PLAN,
@@ -199,6 +209,8 @@ rule page:
         pages=[directory(PAGES)] if many_shown() else [],
     log:
         "logs/report.log",
+    resources:
+        **resources("report"),
     params:
         told=text_digest(REPORT_PLAN_TEXT),
         plan=REPORT_PLAN,

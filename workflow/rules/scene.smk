@@ -15,7 +15,9 @@ rule scene:
     benchmark:
         "logs/scene/{object}-{scene}.tsv"
     priority: 10
-    threads: 2
+    threads: needs["scene"].threads
+    resources:
+        **resources("scene"),
     params:
         world=lambda w: "--keep-world" if with_scene(w).keeps_world else "",
         code=code_digest("silmesh.steps.scene"),

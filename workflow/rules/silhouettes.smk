@@ -10,6 +10,7 @@ rule fetch_weights:
     log:
         "logs/fetch_weights/{weights}.log",
     priority: 20
+    localrule: True
     message:
         "fetching the weights of {wildcards.weights}, unless the cache has them"
     shell:
@@ -35,6 +36,8 @@ rule silhouettes:
         "logs/silhouettes/{object}-{views}-{source}.tsv"
     priority: 10
     threads: silhouettes_threads
+    resources:
+        **resources("silhouettes"),
     params:
         masks=lambda w: texts(with_silhouettes(w).masks),
         read=lambda w: given_digest(silhouettes_files(w)),

@@ -17,6 +17,8 @@ rule synthetic:
     log:
         "logs/synthetic/{name}.log",
     priority: 20
+    resources:
+        **resources("synthetic"),
     params:
         images=lambda w, output: Path(output.images[0]).parent,
         masks=lambda w, output: Path(output.masks[0]).parent,

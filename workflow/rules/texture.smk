@@ -24,7 +24,9 @@ rule texture:
         "logs/texture/{object}-{variant}.tsv"
     wildcard_constraints:
         variant=plan.variants("textured", True),
-    threads: max(1, workflow.cores // len(plan.runs))
+    threads: shared_cores("texture")
+    resources:
+        **resources("texture"),
     params:
         settings=lambda w: settings(plan.run(w.object, w.variant).settings.texture),
         holdout=lambda w: plan.run(w.object, w.variant).settings.fit.holdout,

@@ -14,7 +14,9 @@ if plan.config.train:
             table=str(TRAINED.with_name("epochs.csv")),
         log:
             "logs/train.log",
-        threads: workflow.cores
+        threads: all_cores("train")
+        resources:
+            **resources("train"),
         params:
             table=str(plan.config.datasets),
             files=texts(training_files()),

@@ -11,6 +11,8 @@ rule truth:
     log:
         "logs/truth/{object}.log",
     priority: 10
+    resources:
+        **resources("truth"),
     params:
         mesh=lambda w: str(plan.of_object(w.object).truth),
         read=lambda w: given_digest([plan.of_object(w.object).truth]),

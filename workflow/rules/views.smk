@@ -13,6 +13,8 @@ rule views:
     benchmark:
         "logs/views/{object}-{views}.tsv"
     priority: 10
+    resources:
+        **resources("views"),
     params:
         images=lambda w: texts(with_views(w).dataset.images),
         read=lambda w: given_digest(with_views(w).dataset.images),

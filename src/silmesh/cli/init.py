@@ -50,7 +50,7 @@ variants:                         # experiments by name; each object runs every 
     init: {shape: hull}           # or sphere, ellipsoid, cylinder, cube, prism, auto
     fit: {preset: fast}           # or softras: the report's procedure, slow
 """
-PROFILE = Path("profiles/default/config.yaml")
+PROFILES = [Path(f"profiles/{name}/config.yaml") for name in ("default", "slurm", "kubernetes")]
 LAYOUTS = {"aloi": aloi, "coil": coil, "shapenet": shapenet}  # of published data sets
 
 
@@ -77,7 +77,7 @@ def write_project(
     within = folders_within(folder) if layout is None else []
     if not within and layout is None:
         raise InputError(_explain_none(folder))
-    made = [folder / name for name in ("Snakefile", TABLE, CONFIG, str(PROFILE))]
+    made = [folder / name for name in ("Snakefile", TABLE, CONFIG, *PROFILES)]
     if there := [str(path) for path in made if os.path.lexists(path) and not force]:
         raise InputError(f"{', '.join(there)}: is there already; --force overwrites it")
     for path in made:
@@ -85,9 +85,10 @@ def write_project(
     found = LAYOUTS[layout].find_rows(folder, objects) if layout else _collect(within, folder)
     yield from found.tell()
     yield from _count(found.rows) if layout else ()
-    profile = (find_snakefile().parent / "workflow" / PROFILE).read_text(encoding="utf-8")
+    flow = find_snakefile().parent / "workflow"
+    profiles = [(flow / profile).read_text(encoding="utf-8") for profile in PROFILES]
     configuration = CONFIGURATION.replace("size: 256", f"size: {found.size}")
-    texts = (SNAKEFILE, to_table(found.rows), configuration, profile)
+    texts = (SNAKEFILE, to_table(found.rows), configuration, *profiles)
     for path, text in zip(made, texts, strict=True):
         write_text(path, text)
     yield f"written: {', '.join(map(str, made[:3]))}; look at the table, then:"

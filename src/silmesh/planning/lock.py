@@ -67,9 +67,10 @@ def begin_run() -> None:
 def join_run() -> None:
     """Be a step of the run that started this process: end with it, and hold up the next till then.
 
-    Does nothing in a process that no run on this machine has started.
+    A step on another machine of a cluster only does the latter, where the file system's locks reach
+    that far. Does nothing in a process that no run has started.
     """
-    if os.environ.get(LIFELINE) != name_lifeline(STDIN):
+    if LIFELINE not in os.environ:
         return
     with suppress(OSError):  # where the folder can only be read, the step ends by its own message
         _held.append(_lock(STEPS, fcntl.LOCK_SH))

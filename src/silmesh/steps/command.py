@@ -5,6 +5,7 @@ import json
 import os
 import shlex
 import sys
+import time
 import traceback
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Any, NoReturn
 
 from silmesh.errors import InputError
 from silmesh.files import NOT_OURS, try_file, try_folder, try_inside
+from silmesh.planning.usage import measure_usage
 from silmesh.settings.check import check
 
 INTERRUPTED = 130  # exit status, as a shell has it
@@ -82,12 +84,16 @@ def _tried(attempt: Callable[[Path], None], path: str) -> Path:
 def run(main: Callable[[Sequence[str] | None], None]) -> None:
     """Run a step; an InputError, or a full disk, becomes its message and exit status 1.
 
-    Where its messages go to a log, that begins with the command that does the step again.
+    Where its messages go to a log, that begins with the command that does the step again, and ends
+    with what the step has used if it ended well.
     """
-    if not sys.stderr.isatty() and (command := _say_command()):
+    began, command = time.monotonic(), "" if sys.stderr.isatty() else _say_command()
+    if command:
         print(f"# {command}", file=sys.stderr)
     try:
         main(None)
+        if command:
+            print(measure_usage(began), file=sys.stderr)
     except InputError as error:
         print(f"silmesh: {error}", file=sys.stderr)
         sys.exit(1)

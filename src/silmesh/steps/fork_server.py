@@ -64,6 +64,20 @@ def start() -> subprocess.Popen | None:
     return subprocess.Popen(words, stdin=nowhere, stdout=nowhere, stderr=nowhere)
 
 
+def serve_job(several: bool) -> None:
+    """Serve what a scheduler's job runs, on whichever machine that is.
+
+    It never asks the process beside the run: that is none of the job, and may be out of reach.
+
+    Args:
+        several: whether the job has several steps, as that of a group has; one alone would have to
+            wait for the libraries as well
+    """
+    os.environ.pop(NAME, None)
+    if several:
+        start()
+
+
 def run_step(step: str, arguments: Sequence[str]) -> int:
     """Run a step in a fork of the process that waits, else in this one: its exit status.
 
