@@ -4,6 +4,7 @@ import json
 
 from silmesh.files import replacing
 from silmesh.reading import split_row
+from silmesh.remote.address import fetched_folder
 from silmesh.report.parts import PARTS
 
 REPORT_PLAN = "results/report/plan.json"
@@ -48,13 +49,20 @@ def renderer_module(wildcards):
 
 def made(files):
     """Those of the files that the workflow makes: inputs."""
-    return [file for file in files if is_made(file)]
+    return [as_input(file) for file in files if is_made(file)]
+
+
+def as_input(file):
+    """A file that is made; of what is fetched its folder, whatever its age: its name tells what it is."""
+    folder = fetched_folder(file)
+    return ancient(folder) if folder else file
 
 
 def is_made(file):
     """Whether a file is the workflow's own and not one that a person gave."""
     fetched = file.parent == WEIGHTS and file.stem in FOREGROUND_MODELS
     ours = fetched or Path("results") in file.parents
+    ours = ours or fetched_folder(file) is not None
     return ours or is_promised(file) or file in promised_files(file.parent)
 
 
@@ -72,6 +80,14 @@ def fewest_photographs(wildcards):
     """The argument that says how many photographs must be readable, if not all."""
     fewest = plan.fewest_photographs(wildcards.object, wildcards.views)
     return "" if fewest is None else f"--fewest {fewest}"
+
+
+def results_above(folders):
+    """A function that gives where results lie, so many folders above the rule's first output.
+
+    Where results go to a store, that is in its copy on this machine.
+    """
+    return lambda w, output: str(Path(output[0]).parents[folders])
 
 
 def settings(section):

@@ -323,6 +323,7 @@ class Plan:
         self.runs = [run for dataset in datasets for run in self._runs_of(dataset, where)]
         for run in self.runs:
             refuse_infeasible(run, where)
+        self.afar = {address.key: address for one in datasets for address in one.afar}
         self.baseline = self._find_baseline(where)
         self.trained_on = _to_train_on(datasets, self.config, where)
         self._having = _index(self.runs)
@@ -378,7 +379,12 @@ class Plan:
             for wildcard, values in run.names.items():
                 names[wildcard] |= set(values)
         found = {name: "|".join(map(re.escape, sorted(v))) or NEVER for name, v in names.items()}
-        return found | {"object": NAME, "variant": NAME, "weights": "|".join(FOREGROUND_MODELS)}
+        return found | {
+            "object": NAME,
+            "variant": NAME,
+            "weights": "|".join(FOREGROUND_MODELS),
+            "remote": "|".join(map(re.escape, self.afar)) or NEVER,
+        }
 
     def variants(self, kind: str, wanted: bool) -> str:
         """A regular expression of the variants of a kind, or of all others, made by us or not.
@@ -426,6 +432,10 @@ def _to_train_on(datasets: list[Dataset], config: Config, where: str) -> list[Da
     if config.train is None:
         return []
     masked = [dataset for dataset in datasets if dataset.masks]
+    if fetched := next((dataset for dataset in masked if dataset.afar), None):
+        raise InputError(
+            f"{fetched.where}: photographs from afar are not trained on; should be here"
+        )
     names = [dataset.object for dataset in masked]
     for name in config.train.holdout:
         if name not in names:
@@ -502,10 +512,12 @@ def _decide(dataset: Dataset, member: Member, variant: Variant, config: Config, 
             "example 2.732,0,5; cameras 'calibrate' finds what is not known"
         )
     # The stage decides as well; a name says what it comes to.
-    matching = variant.colmap.pairing_of(len(dataset.images))
+    count = dataset.photographs
+    colmap = variant.colmap
+    matching = colmap.matching if count is None else colmap.pairing_of(count)
     policy = variant.quality.policy_for(silhouettes)
     decided = {
-        "colmap": variant.colmap.model_copy(update={"matching": matching}),
+        "colmap": colmap.model_copy(update={"matching": matching}),
         "quality": variant.quality.model_copy(update={"policy": policy}),
     }
     settings = variant.model_copy(update=decided)

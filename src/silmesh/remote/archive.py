@@ -1,0 +1,202 @@
+"""Files of an archive, zip or tar: those of one object are unpacked, and nothing else is written.
+
+What an archive says of itself is not trusted. Names are cut to their last part, so that none leads
+out of the folder; links are not followed; and more bytes than an archive of its size can hold of
+photographs are not written, whatever sizes it names.
+"""
+
+import difflib
+import re
+import tarfile
+import zipfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from fnmatch import fnmatchcase
+from pathlib import Path, PurePosixPath
+from typing import IO, NamedTuple, Protocol
+
+from silmesh.errors import InputError, name_some, reading, shorten
+from silmesh.naming import natural_key
+from silmesh.remote.address import GLOB
+from silmesh.views import is_image
+
+PIECE = 1 << 20  # bytes that are copied at a time
+MOST_FILES = 10_000  # that are unpacked of one archive for one object
+FREE = 1 << 30  # bytes that may be unpacked of any archive
+PACKED = 100  # times its own bytes that may be unpacked of a larger one
+MOST_NAMES = 5_000_000  # that an archive may have
+
+
+class Member(NamedTuple):
+    """A file in an archive.
+
+    Attributes:
+        name: as the archive has it
+        plain: whether it is an ordinary file, and no link or device
+        entry: by which the library finds it
+    """
+
+    name: str
+    plain: bool
+    entry: object
+
+
+class _Archive(Protocol):
+    def members(self) -> Iterator[Member]: ...
+    def open(self, member: Member) -> IO[bytes]: ...
+
+
+class _Zip:
+    def __init__(self, path: Path):
+        self.file = zipfile.ZipFile(path)
+
+    def members(self) -> Iterator[Member]:
+        for entry in self.file.infolist():
+            kind = entry.external_attr >> 28  # of Unix, 0 where another system packed it
+            if not entry.is_dir():
+                yield Member(entry.filename, kind in (0, 8), entry)
+
+    def open(self, member: Member) -> IO[bytes]:
+        return self.file.open(member.entry)
+
+
+class _Tar:
+    def __init__(self, path: Path):
+        self.file = tarfile.open(path)  # noqa: SIM115: closed by _opened
+
+    def members(self) -> Iterator[Member]:
+        for entry in self.file:
+            if not entry.isdir():
+                yield Member(entry.name, entry.isreg(), entry)
+
+    def open(self, member: Member) -> IO[bytes]:
+        return self.file.extractfile(member.entry)
+
+
+def unpack(path: Path, name: str, wanted: str, folder: Path) -> list[Path]:
+    """Unpack what is meant in an archive into a folder, all files beside each other.
+
+    Args:
+        path: of the archive
+        name: of the archive, for messages
+        wanted: a folder in it, of which the images are meant, a glob or a file; "" for all images
+
+    Returns:
+        the files
+
+    Raises:
+        InputError: it is no archive, is damaged, has nothing of it or too much, or what is meant
+            leads out of the archive, is a link or lies in several folders
+    """
+    budget = max(FREE, PACKED * path.stat().st_size)
+    written: list[Path] = []
+    with _opened(path, name) as archive:
+        for member in _choose(archive, name, wanted):
+            file = folder / PurePosixPath(member.name).name
+            budget -= _copy(archive, member, name, file, budget)
+            written.append(file)
+    return written
+
+
+@contextmanager
+def _opened(path: Path, name: str) -> Iterator[_Archive]:
+    with reading(name, "an archive"):
+        kind = _Zip if zipfile.is_zipfile(path) else _Tar if tarfile.is_tarfile(path) else None
+        archive = kind(path) if kind else None
+    if archive is None:
+        raise InputError(f"{name}: is no archive; should be a zip or a tar")
+    with archive.file:
+        yield archive
+
+
+def _choose(archive: _Archive, name: str, wanted: str) -> list[Member]:
+    """The members that are meant, in natural order."""
+    everything: list[Member] = []
+    with reading(name, "an archive"):
+        for member in archive.members():
+            everything.append(member)
+            if len(everything) > MOST_NAMES:
+                raise InputError(f"{name}: has more than {MOST_NAMES:,} files")
+    meant = [member for member in everything if _is_meant(_plain(member.name), wanted)]
+    if not meant:
+        raise InputError(_explain_none(name, wanted, [_plain(m.name) for m in everything]))
+    _refuse_unusable(name, meant)
+    return sorted(meant, key=lambda member: natural_key(member.name))
+
+
+def _plain(name: str) -> str:
+    return name.removeprefix("./")
+
+
+def _is_meant(name: str, wanted: str) -> bool:
+    """Whether a member is meant: by its own name, by a glob, or as an image of a folder."""
+    path = PurePosixPath(name)
+    if not wanted:
+        return is_image(path)
+    if name == wanted:
+        return True
+    if GLOB.search(wanted):
+        parts = PurePosixPath(wanted).parts
+        return len(parts) == len(path.parts) and all(map(fnmatchcase, path.parts, parts))
+    return str(path.parent) == wanted and is_image(path)
+
+
+def _refuse_unusable(name: str, meant: Sequence[Member]) -> None:
+    """Refuse members that lead out of the archive, are links, too many or of several folders."""
+    for member in meant:
+        parts = re.split(r"[/\\]", member.name)
+        if ".." in parts or member.name.startswith(("/", "\\")) or ":" in parts[0]:
+            raise InputError(
+                f"{name}: {shorten(member.name)}: leads out of the archive; such an archive is "
+                "made to do harm, or damaged"
+            )
+        if not member.plain:
+            raise InputError(
+                f"{name}: {shorten(member.name)}: is a link or a device; should be a file"
+            )
+    if len(meant) > MOST_FILES:
+        raise InputError(f"{name}: {len(meant):,} files are meant; should be one object's")
+    folders = list(dict.fromkeys(str(PurePosixPath(_plain(m.name)).parent) for m in meant))
+    if len(folders) > 1:
+        raise InputError(
+            f"{name}: has images in {len(folders)} folders, {name_some(folders)}; should say which "
+            f"is meant: '{name}#{folders[0]}'"
+        )
+
+
+def _explain_none(name: str, wanted: str, names: Sequence[str]) -> str:
+    """What to say of an archive that has nothing of what is meant."""
+    if not wanted:
+        return f"{name}: has no image among its {len(names):,} files"
+    folders = dict.fromkeys(
+        str(PurePosixPath(n).parent) for n in names if is_image(PurePosixPath(n))
+    )
+    near = difflib.get_close_matches(wanted, folders, n=3, cutoff=0.5) or list(folders)
+    has = f"; it has images in {name_some(near)}" if near else ""
+    return f"{name}: has no {wanted!r}{has}"
+
+
+def _copy(archive: _Archive, member: Member, name: str, file: Path, budget: int) -> int:
+    """Write a member to a file: how many bytes that is."""
+    written = 0
+    with reading(name, "an archive"):
+        opened = archive.open(member)
+    with opened, open(file, "wb") as output:
+        while True:
+            with reading(name, "an archive"):
+                piece = opened.read(PIECE)
+            if not piece:
+                break
+            written += len(piece)
+            if written > budget:
+                raise InputError(
+                    f"{name}: {shorten(member.name)}: unpacks to more than photographs in an "
+                    f"archive of this size do; at most {PACKED} times its size, or {FREE:,} bytes, "
+                    "are unpacked"
+                )
+            output.write(piece)
+    with reading(name, "an archive"):
+        expected = getattr(member.entry, "size", written)
+        if written != expected:
+            raise ValueError(f"{member.name} ends after {written:,} of {expected:,} bytes")
+    return written
