@@ -1,1 +1,1 @@
-"""Inputs from afar: archives and folders by ``https://`` and ``s3://``, fetched once and unpacked."""
+"""Inputs from afar: archives and folders of ``https://`` and ``s3://``, fetched and unpacked."""

@@ -62,7 +62,7 @@ class _Zip:
 
 class _Tar:
     def __init__(self, path: Path):
-        self.file = tarfile.open(path)  # noqa: SIM115: closed by _opened
+        self.file = tarfile.open(path)  # noqa: SIM115
 
     def members(self) -> Iterator[Member]:
         for entry in self.file:
@@ -168,10 +168,9 @@ def _explain_none(name: str, wanted: str, names: Sequence[str]) -> str:
     """What to say of an archive that has nothing of what is meant."""
     if not wanted:
         return f"{name}: has no image among its {len(names):,} files"
-    folders = dict.fromkeys(
-        str(PurePosixPath(n).parent) for n in names if is_image(PurePosixPath(n))
-    )
-    near = difflib.get_close_matches(wanted, folders, n=3, cutoff=0.5) or list(folders)
+    images = filter(is_image, map(PurePosixPath, names))
+    folders = list(dict.fromkeys(str(image.parent) for image in images))
+    near = difflib.get_close_matches(wanted, folders, n=3, cutoff=0.5) or folders
     has = f"; it has images in {name_some(near)}" if near else ""
     return f"{name}: has no {wanted!r}{has}"
 

@@ -1,15 +1,14 @@
-"""Inputs from afar: an archive is fetched once into the cache, checked, and unpacked for an object.
+"""Inputs from afar: an archive is fetched once into the cache, checked, unpacked for an object.
 
-In the cache an archive lies in a folder of its own, with a record of what it is: its digest, and its
-size and time by which it is told that it is still that file. A folder can be removed at any time.
-Processes that want the same archive wait for the one that fetches it.
+In the cache an archive lies in a folder of its own, with a record of what it is: its digest, and
+its size and time by which it is told that it is still that file. A folder can be removed at any
+time. Processes that want the same archive wait for the one that fetches it.
 """
 
 import fcntl
 import hashlib
 import json
 import shutil
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -28,8 +27,11 @@ from silmesh.views import is_image
 RECORD, LOCK = "record.json", "lock"
 
 
-def fetch(address: Address, folder: Path, progress: Share = untold) -> None:
+def fetch(address: Address, folder: Path, progress: Share = untold) -> list[str]:
     """Make a folder of the files that an address means.
+
+    Returns:
+        lines that say what a person may want to know of it
 
     Raises:
         InputError: the server breaks off again and again, has no such file or not for us; the
@@ -38,16 +40,19 @@ def fetch(address: Address, folder: Path, progress: Share = untold) -> None:
     with making(folder) as part:
         if address.is_folder:
             _fetch_folder(address, part, progress)
-            return
-        file = fetch_file(address, progress)
+            return []
+        file, digest = fetch_file(address, progress)
         if address.is_mesh and not address.member:
             shutil.copyfile(file, part / address.name)
         else:
             unpack(file, address.url, address.member, part)
+    if address.sha256:
+        return []
+    return [f"{address.url}: not checked; sha256={digest} behind '#' in the table would check it"]
 
 
-def fetch_file(address: Address, progress: Share = untold) -> Path:
-    """The file of an address in the cache, whole and with the digest that the address gives."""
+def fetch_file(address: Address, progress: Share = untold) -> tuple[Path, str]:
+    """The file of an address in the cache, whole, and its digest: that which the address gives."""
     place = fetched_cache() / hashlib.sha256(address.url.encode()).hexdigest()[:16]
     file = place / address.name
     with _locked(place):
@@ -56,7 +61,7 @@ def fetch_file(address: Address, progress: Share = untold) -> Path:
             download(address.url, _source_of(address.url), file, progress)
             known = _check(file, address)
             _write_record(place, file, known)
-    return file
+    return file, known
 
 
 def _fetch_folder(address: Address, folder: Path, progress: Share) -> None:
@@ -84,12 +89,6 @@ def _check(file: Path, address: Address) -> str:
             f"{address.url}: is not the file that is asked for: its SHA-256 is {found} "
             f"({size:,} bytes), and should be {address.sha256}"
         )
-    if not address.sha256:
-        print(
-            f"silmesh: {address.url}: {size:,} bytes of SHA-256 {found}; sha256={found} behind "
-            "'#' in the table would have that checked",
-            file=sys.stderr,
-        )
     return found
 
 
@@ -114,7 +113,7 @@ def _state_of(file: Path) -> list[int]:
 
 @contextmanager
 def _locked(place: Path) -> Iterator[None]:
-    """Have a folder of the cache to oneself; where the file system knows no locks, nothing waits."""
+    """Have a folder of the cache to oneself, where the file system knows locks."""
     place.mkdir(parents=True, exist_ok=True)
     with open(place / LOCK, "w", encoding="utf-8") as lock:
         with suppress(OSError):

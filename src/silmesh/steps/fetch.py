@@ -1,6 +1,7 @@
 """Fetch an input from afar into the cache, check it, and unpack what is meant of it."""
 
 import argparse
+import sys
 from collections.abc import Sequence
 
 from silmesh.errors import InputError
@@ -11,12 +12,13 @@ from silmesh.steps.command import output_folder, parser, run
 
 
 def main(argv: Sequence[str] | None = None) -> None:
-    """Parse, call."""
+    """Parse, call, say."""
     args = parser(__doc__)
     args.add_argument("--source", type=_address, required=True, help="as in the table")
     args.add_argument("--output", type=output_folder, required=True, help="folder to make")
     given = args.parse_args(argv)
-    fetch(given.source, given.output, share_of(f"fetch {given.source.name}"))
+    for line in fetch(given.source, given.output, share_of(f"fetch {given.source.name}")):
+        print(f"silmesh: {line}", file=sys.stderr)
 
 
 def _address(text: str) -> Address:
