@@ -1,9 +1,9 @@
 """Files and folders of an object store that speaks S3: Amazon's, MinIO, Ceph and others.
 
-Credentials and the store's address are found as every tool of Amazon's finds them: variables of
-the environment (``AWS_ACCESS_KEY_ID``, ``AWS_SECRET_ACCESS_KEY``, ``AWS_ENDPOINT_URL``), ``~/.aws``,
-the role of a machine. Where there are none the store is asked as the public may. None is ever in a
-message: those of the library are left out.
+Credentials and the address of the store are found as all tools of Amazon find them: variables of
+the environment (``AWS_ACCESS_KEY_ID``, ``AWS_SECRET_ACCESS_KEY``, ``AWS_ENDPOINT_URL``), files in
+``~/.aws``, the role of a machine. Where there are none the store is asked as the public may. None
+is ever in a message: those of the library are left out.
 """
 
 from collections.abc import Iterator

@@ -1,7 +1,8 @@
 """Files of a web server, from any byte on where the server can do that (RFC 9110, ranges).
 
 Who may read them is said in ``~/.netrc``, or by a value of the address's query that names a
-variable of the environment. Neither is ever in a message: those of the library hold whole addresses.
+variable of the environment. Neither is ever in a message: those of the library, which hold whole
+addresses, are left out.
 """
 
 import os
