@@ -94,5 +94,5 @@ def test_results_go_to_a_store_and_are_found_there(fresh, finished, tmp_path):
         assert "Nothing to be done" in fresh.run(*there, "--dry-run", **known)
         shutil.rmtree(fresh / ".snakemake")  # as on another machine
         assert "Nothing to be done" in fresh.run(*there, "--dry-run", **known)
-        status, said = fresh.snakemake(*there, **known | {"AWS_SECRET_ACCESS_KEY": ""})
+        _, said = fresh.snakemake(*there, **known | {"AWS_SECRET_ACCESS_KEY": ""})
         refuse_secrets(fresh, said)

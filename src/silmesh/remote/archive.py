@@ -6,16 +6,18 @@ photographs are not written, whatever sizes it names.
 """
 
 import difflib
+import json
 import re
 import tarfile
 import zipfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from fnmatch import fnmatchcase
 from pathlib import Path, PurePosixPath
-from typing import IO, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from silmesh.errors import InputError, name_some, reading, shorten
+from silmesh.files import replacing
 from silmesh.naming import natural_key
 from silmesh.remote.address import GLOB
 from silmesh.views import is_image
@@ -33,17 +35,14 @@ class Member(NamedTuple):
     Attributes:
         name: as the archive has it
         plain: whether it is an ordinary file, and no link or device
-        entry: by which the library finds it
+        size: in bytes, as the archive says
+        entry: by which it is found
     """
 
     name: str
     plain: bool
-    entry: object
-
-
-class _Archive(Protocol):
-    def members(self) -> Iterator[Member]: ...
-    def open(self, member: Member) -> IO[bytes]: ...
+    size: int
+    entry: Any
 
 
 class _Zip:
@@ -52,25 +51,65 @@ class _Zip:
 
     def members(self) -> Iterator[Member]:
         for entry in self.file.infolist():
-            kind = entry.external_attr >> 28  # of Unix, 0 where another system packed it
+            kind = entry.external_attr >> 28  # of Unix; 0 where another system packed it
             if not entry.is_dir():
-                yield Member(entry.filename, kind in (0, 8), entry)
+                yield Member(entry.filename, kind in (0, 8), entry.file_size, entry)
 
-    def open(self, member: Member) -> IO[bytes]:
-        return self.file.open(member.entry)
+    def read(self, member: Member) -> Iterator[bytes]:
+        with self.file.open(member.entry) as opened:
+            while piece := opened.read(PIECE):
+                yield piece
 
 
-class _Tar:
+class _PackedTar:
     def __init__(self, path: Path):
         self.file = tarfile.open(path)  # noqa: SIM115
 
     def members(self) -> Iterator[Member]:
         for entry in self.file:
             if not entry.isdir():
-                yield Member(entry.name, entry.isreg(), entry)
+                yield Member(entry.name, entry.isreg(), entry.size, entry)
 
-    def open(self, member: Member) -> IO[bytes]:
-        return self.file.extractfile(member.entry)
+    def read(self, member: Member) -> Iterator[bytes]:
+        opened = self.file.extractfile(member.entry)
+        while piece := opened.read(PIECE):
+            yield piece
+
+
+class _Tar:
+    """A tar as it is. What it has and where is kept beside it: a long one takes seconds to walk."""
+
+    def __init__(self, path: Path):
+        self.path, self.file = path, open(path, "rb")  # noqa: SIM115
+        status = path.stat()
+        self.state = [status.st_size, status.st_mtime_ns]
+
+    def members(self) -> Iterator[Member]:
+        index = self.path.with_name(f"{self.path.name}.index.json")
+        with suppress(OSError, ValueError):
+            known = json.loads(index.read_text(encoding="utf-8"))
+            if known["state"] == self.state:
+                yield from (Member(*row) for row in known["members"])
+                return
+        found = list(self._walk())
+        with replacing(index) as part:
+            kept = {"state": self.state, "members": found}
+            part.write_text(json.dumps(kept), encoding="utf-8")
+        yield from found
+
+    def _walk(self) -> Iterator[Member]:
+        with tarfile.open(self.path, "r:") as archive:
+            for entry in archive:
+                if not entry.isdir():
+                    plain = entry.isreg() and not entry.issparse()
+                    yield Member(entry.name, plain, entry.size, entry.offset_data)
+
+    def read(self, member: Member) -> Iterator[bytes]:
+        self.file.seek(member.entry)
+        left = member.size
+        while left and (piece := self.file.read(min(PIECE, left))):
+            left -= len(piece)
+            yield piece
 
 
 def unpack(path: Path, name: str, wanted: str, folder: Path) -> list[Path]:
@@ -99,9 +138,9 @@ def unpack(path: Path, name: str, wanted: str, folder: Path) -> list[Path]:
 
 
 @contextmanager
-def _opened(path: Path, name: str) -> Iterator[_Archive]:
+def _opened(path: Path, name: str) -> Iterator[_Zip | _PackedTar | _Tar]:
     with reading(name, "an archive"):
-        kind = _Zip if zipfile.is_zipfile(path) else _Tar if tarfile.is_tarfile(path) else None
+        kind = _kind_of(path)
         archive = kind(path) if kind else None
     if archive is None:
         raise InputError(f"{name}: is no archive; should be a zip or a tar")
@@ -109,7 +148,17 @@ def _opened(path: Path, name: str) -> Iterator[_Archive]:
         yield archive
 
 
-def _choose(archive: _Archive, name: str, wanted: str) -> list[Member]:
+def _kind_of(path: Path) -> type[_Zip | _PackedTar | _Tar] | None:
+    with open(path, "rb") as opened:
+        begins = opened.read(tarfile.BLOCKSIZE)
+    if begins[257:262] == b"ustar":
+        return _Tar
+    if zipfile.is_zipfile(path):
+        return _Zip
+    return _PackedTar if tarfile.is_tarfile(path) else None
+
+
+def _choose(archive: _Zip | _PackedTar | _Tar, name: str, wanted: str) -> list[Member]:
     """The members that are meant, in natural order."""
     everything: list[Member] = []
     with reading(name, "an archive"):
@@ -130,6 +179,8 @@ def _plain(name: str) -> str:
 
 def _is_meant(name: str, wanted: str) -> bool:
     """Whether a member is meant: by its own name, by a glob, or as an image of a folder."""
+    if not name.startswith(GLOB.split(wanted)[0]):  # most of a long list, before any work
+        return False
     path = PurePosixPath(name)
     if not wanted:
         return is_image(path)
@@ -175,27 +226,29 @@ def _explain_none(name: str, wanted: str, names: Sequence[str]) -> str:
     return f"{name}: has no {wanted!r}{has}"
 
 
-def _copy(archive: _Archive, member: Member, name: str, file: Path, budget: int) -> int:
-    """Write a member to a file: how many bytes that is."""
-    written = 0
-    with reading(name, "an archive"):
-        opened = archive.open(member)
-    with opened, open(file, "wb") as output:
-        while True:
-            with reading(name, "an archive"):
-                piece = opened.read(PIECE)
-            if not piece:
-                break
+def _copy(
+    archive: _Zip | _PackedTar | _Tar, member: Member, name: str, file: Path, most: int
+) -> int:
+    """Write a member to a file, if that is at most so many bytes: how many."""
+    written, pieces = 0, archive.read(member)
+    with open(file, "wb") as output:
+        while piece := _next(pieces, name):
             written += len(piece)
-            if written > budget:
+            if written > most:
                 raise InputError(
                     f"{name}: {shorten(member.name)}: unpacks to more than photographs in an "
                     f"archive of this size do; at most {PACKED} times its size, or {FREE:,} bytes, "
                     "are unpacked"
                 )
             output.write(piece)
-    with reading(name, "an archive"):
-        expected = getattr(member.entry, "size", written)
-        if written != expected:
-            raise ValueError(f"{member.name} ends after {written:,} of {expected:,} bytes")
+    if written != member.size:
+        raise InputError(
+            f"{name}: {shorten(member.name)} ends after {written:,} of {member.size:,} bytes; "
+            "the archive is damaged"
+        )
     return written
+
+
+def _next(pieces: Iterator[bytes], name: str) -> bytes:
+    with reading(name, "an archive"):
+        return next(pieces, b"")
