@@ -15,7 +15,7 @@ from silmesh.progress import Share, untold
 
 PIECE = 1 << 20  # bytes that are written at a time
 PATIENCE = 60  # seconds without a byte
-WAITS = (1, 2, 4, 8)  # seconds before each further try; anew after any byte that is new
+WAITS = (1, 3, 9, 27)  # seconds before each further try; anew after any byte that is new
 
 
 class Answer(NamedTuple):
