@@ -71,8 +71,8 @@ class Address:
     @property
     def holds_images(self) -> bool:
         """Whether it can mean photographs: all may but what is called otherwise."""
-        called = PurePosixPath(self.name.lower()).suffix
-        return not self.is_mesh and called not in (*MESHES, *ARRAYS) and not is_image(Path(called))
+        file = Path(self.name.lower())
+        return not (self.is_mesh or file.suffix in (*MESHES, *ARRAYS) or is_image(file))
 
     @property
     def text(self) -> str:
