@@ -61,7 +61,7 @@ def test_it_begins_anew_where_the_file_changed_meanwhile(web, tmp_path, monkeypa
 
 def test_a_later_run_goes_on(web, tmp_path):
     web.breaks = [3000, 0, 0, 0]
-    with pytest.raises(InputError, match=r"broke off.*; 3,000 bytes have come"):
+    with pytest.raises(InputError, match=r"broke off.*; 3,000 bytes have come, and are kept"):
         fetched(web, tmp_path / "out")
     assert not (tmp_path / "out").exists()
     web.asked.clear()
@@ -130,6 +130,14 @@ def test_a_secret_is_filled_in_and_never_said(web, tmp_path, monkeypatch):
     monkeypatch.delenv("CUPS")
     with pytest.raises(InputError, match=r"\$CUPS is not set"):
         fetched(web, tmp_path / "none", "?token=$CUPS")
+
+
+def test_what_is_no_archive_is_not_kept(web, tmp_path):
+    web.files["cups.tar"] = b"<html>please log in</html>"
+    with pytest.raises(InputError, match="is no archive"):
+        fetched(web, tmp_path / "out", "")
+    web.files["cups.tar"] = TAR
+    assert fetched(web, tmp_path / "out", "")[0] == whole()
 
 
 def test_a_mesh_is_taken_as_it_is(web, tmp_path):

@@ -11,7 +11,7 @@ rule fetch:
         "logs/fetch/{remote}.log",
     priority: 20
     params:
-        source=lambda w: plan.afar[w.remote].text,
+        source=lambda w: plan.address(w.remote).text,
     message:
         "fetching {wildcards.remote}, unless the cache has its archive"
     shell:

@@ -40,6 +40,7 @@ from silmesh.planning.feasible import (
     refuse_unknown_weights,
 )
 from silmesh.reading import is_array
+from silmesh.remote.address import FOLDER, KEY, Address
 from silmesh.report.published import check_published
 from silmesh.settings.fit import is_photometric
 from silmesh.settings.init import mesh_file
@@ -368,6 +369,14 @@ class Plan:
         """The row of an object."""
         return self._find(object_, "object", object_)[0].dataset
 
+    def address(self, key: str) -> Address:
+        """The address of an input from afar, by the name of its folder."""
+        if key not in self.afar:
+            raise InputError(
+                f"{FOLDER / key}: no row of the table names what would be fetched there"
+            )
+        return self.afar[key]
+
     def with_key(self, object_: str, stage: str, key: str) -> Run:
         """A run of this object whose stage (``views``, ``silhouettes``, ...) has this key."""
         return self._find(object_, stage, key)[0]
@@ -383,7 +392,7 @@ class Plan:
             "object": NAME,
             "variant": NAME,
             "weights": "|".join(FOREGROUND_MODELS),
-            "remote": "|".join(map(re.escape, self.afar)) or NEVER,
+            "remote": KEY,
         }
 
     def variants(self, kind: str, wanted: bool) -> str:

@@ -30,6 +30,7 @@ MESHES = (".ply", ".obj", ".glb", ".stl", ".off")  # that are fetched as they ar
 ARRAYS = (".npy", ".npz")
 GLOB = re.compile(r"[*?\[]")
 SECRET = re.compile(r"(?i)token|sig|secret|passw|credential|auth|api.?key|access.?key")
+KEY = "[A-Za-z0-9_-]+"  # what an address is called in paths
 LONGEST_NAME = 60  # characters of a name from the archive's and what is meant in it
 
 

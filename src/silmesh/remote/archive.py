@@ -18,7 +18,6 @@ from typing import Any, NamedTuple
 
 from silmesh.errors import InputError, name_some, reading, shorten
 from silmesh.files import replacing
-from silmesh.naming import natural_key
 from silmesh.remote.address import GLOB
 from silmesh.views import is_image
 
@@ -27,6 +26,10 @@ MOST_FILES = 10_000  # that are unpacked of one archive for one object
 FREE = 1 << 30  # bytes that may be unpacked of any archive
 PACKED = 100  # times its own bytes that may be unpacked of a larger one
 MOST_NAMES = 5_000_000  # that an archive may have
+
+
+class DamagedError(InputError):
+    """An archive that is none, or cannot be read to its end."""
 
 
 class Member(NamedTuple):
@@ -92,7 +95,7 @@ class _Tar:
                 yield from (Member(*row) for row in known["members"])
                 return
         found = list(self._walk())
-        with replacing(index) as part:
+        with suppress(OSError, InputError), replacing(index) as part:
             kept = {"state": self.state, "members": found}
             part.write_text(json.dumps(kept), encoding="utf-8")
         yield from found
@@ -124,13 +127,14 @@ def unpack(path: Path, name: str, wanted: str, folder: Path) -> list[Path]:
         the files
 
     Raises:
-        InputError: it is no archive, is damaged, has nothing of it or too much, or what is meant
-            leads out of the archive, is a link or lies in several folders
+        DamagedError: it is no archive, or damaged
+        InputError: it has nothing of what is meant or too much, or what is meant leads out of the
+            archive, is a link or lies in several folders
     """
     budget = max(FREE, PACKED * path.stat().st_size)
     written: list[Path] = []
     with _opened(path, name) as archive:
-        for member in _choose(archive, name, wanted):
+        for member in _choose(archive, name, wanted, budget):
             file = folder / PurePosixPath(member.name).name
             budget -= _copy(archive, member, name, file, budget)
             written.append(file)
@@ -139,13 +143,23 @@ def unpack(path: Path, name: str, wanted: str, folder: Path) -> list[Path]:
 
 @contextmanager
 def _opened(path: Path, name: str) -> Iterator[_Zip | _PackedTar | _Tar]:
-    with reading(name, "an archive"):
+    with _reading(name):
         kind = _kind_of(path)
         archive = kind(path) if kind else None
     if archive is None:
-        raise InputError(f"{name}: is no archive; should be a zip or a tar")
+        raise DamagedError(f"{name}: is no archive; should be a zip or a tar")
     with archive.file:
         yield archive
+
+
+@contextmanager
+def _reading(name: str) -> Iterator[None]:
+    """Tell apart what a library says of a damaged archive; its block raises nothing of ours."""
+    try:
+        with reading(name, "an archive"):
+            yield
+    except InputError as error:
+        raise DamagedError(str(error)) from error
 
 
 def _kind_of(path: Path) -> type[_Zip | _PackedTar | _Tar] | None:
@@ -158,19 +172,22 @@ def _kind_of(path: Path) -> type[_Zip | _PackedTar | _Tar] | None:
     return _PackedTar if tarfile.is_tarfile(path) else None
 
 
-def _choose(archive: _Zip | _PackedTar | _Tar, name: str, wanted: str) -> list[Member]:
-    """The members that are meant, in natural order."""
+def _choose(archive: _Zip | _PackedTar | _Tar, name: str, wanted: str, most: int) -> list[Member]:
+    """The members that are meant, in the order of the archive, so that it is read through once."""
     everything: list[Member] = []
-    with reading(name, "an archive"):
-        for member in archive.members():
-            everything.append(member)
-            if len(everything) > MOST_NAMES:
-                raise InputError(f"{name}: has more than {MOST_NAMES:,} files")
+    members, size = archive.members(), 0
+    while member := _next(members, name):
+        everything.append(member)
+        size += member.size
+        if len(everything) > MOST_NAMES:
+            raise InputError(f"{name}: has more than {MOST_NAMES:,} files")
+        if size > most:  # before a packed one is read on
+            raise _tell_bomb(name, member)
     meant = [member for member in everything if _is_meant(_plain(member.name), wanted)]
     if not meant:
         raise InputError(_explain_none(name, wanted, [_plain(m.name) for m in everything]))
     _refuse_unusable(name, meant)
-    return sorted(meant, key=lambda member: natural_key(member.name))
+    return meant
 
 
 def _plain(name: str) -> str:
@@ -235,20 +252,24 @@ def _copy(
         while piece := _next(pieces, name):
             written += len(piece)
             if written > most:
-                raise InputError(
-                    f"{name}: {shorten(member.name)}: unpacks to more than photographs in an "
-                    f"archive of this size do; at most {PACKED} times its size, or {FREE:,} bytes, "
-                    "are unpacked"
-                )
+                raise _tell_bomb(name, member)
             output.write(piece)
     if written != member.size:
-        raise InputError(
+        raise DamagedError(
             f"{name}: {shorten(member.name)} ends after {written:,} of {member.size:,} bytes; "
             "the archive is damaged"
         )
     return written
 
 
-def _next(pieces: Iterator[bytes], name: str) -> bytes:
-    with reading(name, "an archive"):
-        return next(pieces, b"")
+def _next(parts: Iterator[Any], name: str) -> Any:
+    """The next of what a library gives; None at the end."""
+    with _reading(name):
+        return next(parts, None)
+
+
+def _tell_bomb(name: str, member: Member) -> InputError:
+    return InputError(
+        f"{name}: {shorten(member.name)}: unpacks to more than photographs in an archive of this "
+        f"size do; at most {PACKED} times its size, or {FREE:,} bytes, are unpacked"
+    )

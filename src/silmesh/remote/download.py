@@ -7,6 +7,7 @@ source that gives no version is begun anew: two versions must not be mixed.
 import os
 import time
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
@@ -63,7 +64,7 @@ def download(name: str, source: Source, file: Path, progress: Share = untold) ->
                 waits, most = list(WAITS), come
             if not waits:
                 raise InputError(
-                    f"{name}: {error}; {come:,} bytes have come, with which the next try goes on"
+                    f"{name}: {error}; {come:,} bytes have come, and are kept for another run"
                 ) from error
             time.sleep(waits.pop(0))
     os.replace(part, file)
@@ -77,7 +78,7 @@ def _go_on(source: Source, part: Path, progress: Share) -> None:
     answer = source(_size(part) if version else 0, version)
     if answer.start == 0:
         known.write_text(answer.version, encoding="utf-8")
-    with open(part, "r+b" if answer.start else "wb") as opened:
+    with _naming(part), open(part, "r+b" if answer.start else "wb") as opened:
         opened.seek(answer.start)
         for piece in answer.pieces:
             opened.write(piece)
@@ -86,6 +87,16 @@ def _go_on(source: Source, part: Path, progress: Share) -> None:
         come = opened.tell()
     if answer.total is not None and come != answer.total:
         raise BrokenOffError(f"broke off after {come:,} of {answer.total:,} bytes")
+
+
+@contextmanager
+def _naming(part: Path) -> Iterator[None]:
+    """Say which file it is where the system does not, as of a full disk."""
+    try:
+        yield
+    except OSError as error:
+        error.filename = error.filename or str(part)
+        raise
 
 
 def _version_of(part: Path) -> Path:

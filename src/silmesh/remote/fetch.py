@@ -17,7 +17,7 @@ from silmesh.errors import InputError
 from silmesh.files import making
 from silmesh.progress import Share, untold
 from silmesh.remote.address import Address
-from silmesh.remote.archive import MOST_FILES, unpack
+from silmesh.remote.archive import MOST_FILES, DamagedError, unpack
 from silmesh.remote.bucket import bucket_file, list_folder
 from silmesh.remote.cache import fetched_cache
 from silmesh.remote.download import Source, download
@@ -45,10 +45,20 @@ def fetch(address: Address, folder: Path, progress: Share = untold) -> list[str]
         if address.is_mesh and not address.member:
             shutil.copyfile(file, part / address.name)
         else:
-            unpack(file, address.url, address.member, part)
+            _unpack(file, address, part)
     if address.sha256:
         return []
     return [f"{address.url}: not checked; sha256={digest} behind '#' in the table would check it"]
+
+
+def _unpack(file: Path, address: Address, folder: Path) -> None:
+    """Unpack a file of the cache, which is fetched anew the next time if it is damaged."""
+    try:
+        unpack(file, address.url, address.member, folder)
+    except DamagedError:
+        if not address.sha256:
+            file.unlink(missing_ok=True)
+        raise
 
 
 def fetch_file(address: Address, progress: Share = untold) -> tuple[Path, str]:

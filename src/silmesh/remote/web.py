@@ -50,7 +50,9 @@ def _ask(url: str, start: int, version: str) -> Answer:
         raise InputError(f"{url}: cannot be asked for: {type(error).__name__}") from error
     _refuse_status(url, answer.status_code)
     if answer.status_code == HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE:
-        return Answer(start, _total_of(answer), version, iter(()))
+        if _total_of(answer) != start:  # what has come is more than there is
+            return _ask(url, 0, "")
+        return Answer(start, start, version, iter(()))
     ranged = re.match(r"bytes (\d+)-", answer.headers.get("Content-Range", ""))
     begins = int(ranged[1]) if answer.status_code == HTTPStatus.PARTIAL_CONTENT and ranged else 0
     if begins not in (0, start):
