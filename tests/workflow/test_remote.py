@@ -77,9 +77,12 @@ def test_what_cannot_be_fetched_ends_the_run_with_a_message(fresh, tmp_path):
 
 def test_results_go_to_a_store_and_are_found_there(fresh, finished, tmp_path):
     pytest.importorskip("snakemake_storage_plugin_s3")
+    content = pack(fresh)
     there = ("--default-storage-provider", "s3", "--default-storage-prefix", "s3://meshes/run")
-    with store("meshes") as (_, client):
-        known = {name: value for name, value in os.environ.items() if name.startswith("AWS_")}
+    with serve(Web({"cups.zip": content})) as web, store("meshes") as (_, client):
+        name(fresh, web.url)
+        known = {k: v for k, v in os.environ.items() if k.startswith("AWS_")}
+        known["SILMESH_CACHE"] = str(tmp_path / "cache")
         said = fresh.run(*there, **known)
         refuse_secrets(fresh, said)
         pages = client.get_paginator("list_objects_v2").paginate(Bucket="meshes")

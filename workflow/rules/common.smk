@@ -71,9 +71,18 @@ def given_digest(files):
     return read_digest(file for file in files if not is_made(file))
 
 
-def texts(files):
-    """The paths as a rule's parameter keeps them."""
-    return [str(file) for file in files]
+def texts(files, input=()):
+    """The paths as a rule's parameter keeps them, those of its inputs where they are read."""
+    return [where(file, input) for file in files]
+
+
+def where(file, input):
+    """Where a step reads a file: what is made may lie in a store, and is read from its copy here."""
+    if not is_made(file):
+        return str(file)
+    whole = str(fetched_folder(file) or file)
+    copy = next((str(i) for i in input if f"/{i}".endswith(f"/{whole}")), whole)
+    return copy + str(file).removeprefix(whole)
 
 
 def fewest_photographs(wildcards):

@@ -36,7 +36,7 @@ rule silhouettes:
     priority: 10
     threads: silhouettes_threads
     params:
-        masks=lambda w: texts(with_silhouettes(w).masks),
+        masks=lambda w, input: texts(with_silhouettes(w).masks, input),
         read=lambda w: given_digest(silhouettes_files(w)),
         settings=silhouettes_settings,
         source=lambda w: with_silhouettes(w).silhouettes,

@@ -12,7 +12,7 @@ rule truth:
         "logs/truth/{object}.log",
     priority: 10
     params:
-        mesh=lambda w: str(plan.of_object(w.object).truth),
+        mesh=lambda w, input: where(plan.of_object(w.object).truth, input),
         read=lambda w: given_digest([plan.of_object(w.object).truth]),
         code=code_digest("silmesh.steps.truth"),
     message:
