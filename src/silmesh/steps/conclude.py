@@ -30,7 +30,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     )
     given = args.parse_args(argv)
     plan = json.loads(given.plan.read_text(encoding="utf-8"))
-    fits = [_read_fit(given.results, planned) for planned in plan["runs"]]
+    fits = [read_fit(given.results, planned) for planned in plan["runs"]]
     order = list(dict.fromkeys(fit.experiment for fit in fits))
     asked = plan["configuration"]["comparison"]
     table = draw_conclusions(fits, order, plan["baseline"], asked["goal"])
@@ -43,7 +43,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         write_figure(path, figure)
 
 
-def _read_fit(results: Path, planned: Mapping[str, Any]) -> Fit:
+def read_fit(results: Path, planned: Mapping[str, Any]) -> Fit:
+    """Read a run that the plan says to be one fit of an experiment."""
     folder = results / planned["object"] / planned["variant"]
     curve = pd.read_csv(folder / "loss.csv")
     metrics = json.loads((folder / "metrics.json").read_text(encoding="utf-8"))

@@ -26,6 +26,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 from silmesh.planning.lock import join_run
@@ -107,13 +108,15 @@ class _Forks:
 
     def serve(self, parent: int) -> socket.socket | None:
         """Until the parent and all forks have ended; in a fork, its line to who asked for it."""
-        waiting = iter(LATER_LIBRARIES)
+        waiting = iter(
+            [*(partial(importlib.import_module, m) for m in LATER_LIBRARIES), _call_numba]
+        )
         while os.getppid() == parent or self._lines:
             events = self._events.poll(LOOK)
             for file, _ in events[:1]:  # one alone: it may undo the next
                 self._acts[file]()
-            if not events and (library := next(waiting, None)):
-                importlib.import_module(library)
+            if not events and (load := next(waiting, None)):
+                load()
             if self._line:
                 return self._line
         return None
@@ -156,6 +159,11 @@ class _Forks:
     def _forget(self, file: int) -> None:
         if self._acts.pop(file, None):
             self._events.unregister(file)
+
+
+def _call_numba() -> None:
+    """Make numba look through its registries, which takes its first call 0.3 s in each fork."""
+    importlib.import_module("numba").njit(lambda x: x)(0)
 
 
 def _ask(line: socket.socket, step: str, arguments: Sequence[str]) -> int:
