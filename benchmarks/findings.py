@@ -18,7 +18,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from silmesh.files import replacing
-from silmesh.report.conclusions import Fit, draw_conclusions
+from silmesh.report.conclusions import TIE, Fit, draw_conclusions
+from silmesh.report.figures import write_figure
 from silmesh.report.statistics import LEVEL, correct_by_holm
 from silmesh.steps.conclude import read_fit
 
@@ -33,7 +34,6 @@ SHOWN = {
     "chamfer": ("chamfer", 4),
 }
 DRAWN = ("steps", "area", "loss")
-SAME = {"steps": 0.0, "area": 1e-3, "loss": 1e-3, "iou": 1e-3, "chamfer": 0.0}
 
 Pair = tuple[str, str]  # a baseline, and what is compared with it
 
@@ -45,14 +45,12 @@ class Question:
     Attributes:
         title: of the section
         asked: in a sentence
-        change: what a pair changes, as the subject of the answers
         pairs: of them
         objects: whether each object's own difference is shown
     """
 
     title: str
     asked: str
-    change: str
     pairs: tuple[Pair, ...]
     objects: bool = False
 
@@ -65,7 +63,6 @@ QUESTIONS = (
     Question(
         "Does placing the sphere help?",
         "The report scales and shifts the sphere to the first silhouette.",
-        "Placing",
         tuple(
             (f"{cameras}unplaced-vertices_{n}", f"{cameras}placed-vertices_{n}")
             for cameras in ("", "level-")
@@ -76,28 +73,24 @@ QUESTIONS = (
     Question(
         "Do more polygons help?",
         "The placed sphere of 1,352 vertices against the smaller and the larger one.",
-        "Another number of vertices",
         _against(PLACED, (f"placed-vertices_{n}" for n in (642, 1922)))
         + _against(LEVEL_PLACED, (f"level-placed-vertices_{n}" for n in (642, 1922))),
     ),
     Question(
         "Does another initial mesh help?",
         "The placed sphere against other shapes of 1,352 vertices, cylinders among them.",
-        "Another initial mesh",
         _against(PLACED, (f"from-shape_{shape}" for shape in SHAPES)),
         objects=True,
     ),
     Question(
         "And on wrong cameras?",
         "The same on the report's level cameras.",
-        "Another initial mesh",
         _against(LEVEL_PLACED, (f"level-from-shape_{shape}" for shape in SHAPES)),
     ),
     Question(
         "What do wrong cameras cost, against wrong initialisation?",
         "Right cameras against the report's, level and aimed at the origin; beside them the cost "
         "of a sphere that is not placed, and the gain of a hull.",
-        "The change",
         (
             (PLACED, LEVEL_PLACED),
             ("from-shape_hull", "level-from-shape_hull"),
@@ -109,13 +102,11 @@ QUESTIONS = (
     Question(
         "Do more pixels help?",
         "256 pixels along a side against 64. Losses are of images of their own size.",
-        "The larger image",
         ((PLACED, "fine"),),
     ),
     Question(
         "Do Adam's usual betas do as well?",
         "(0.9, 0.999) against the report's (0.5, 0.99).",
-        "The change",
         ((PLACED, "adam"),),
     ),
 )
@@ -130,14 +121,17 @@ def main() -> None:
     args.add_argument("--figure", type=Path, default=Path("docs/findings.png"))
     given = args.parse_args()
     small = read_fits(given.results)
-    lines = [*_open(small, given.figure.name)]
-    for question in QUESTIONS:
-        lines += _answer(question, small)
+    tables = [compare(question, small) for question in QUESTIONS]
+    lines = _open(small, given.figure.name)
+    for question, table in zip(QUESTIONS, tables, strict=True):
+        lines += _answer(question, table)
+        if question.objects:
+            lines += _by_object(question.pairs, small)
     if given.full:
         lines += _confirm(small, read_fits(given.full))
     with replacing(given.page) as part:
         part.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    _draw(small).savefig(given.figure, dpi=110)
+    write_figure(given.figure, _draw(tables))
 
 
 def read_fits(results: Path) -> list[Fit]:
@@ -147,7 +141,10 @@ def read_fits(results: Path) -> list[Fit]:
 
 
 def compare(question: Question, fits: Sequence[Fit]) -> pd.DataFrame:
-    """A row a pair and measure, p corrected over the question's pairs of each measure."""
+    """A row a pair and measure, p corrected over the question's pairs of each measure.
+
+    Chamfer distances on level cameras, whose frame is not that of the truth, are left out.
+    """
     tables = [
         draw_conclusions([f for f in fits if f.experiment in pair], pair, pair[0])
         for pair in question.pairs
@@ -156,7 +153,8 @@ def compare(question: Question, fits: Sequence[Fit]) -> pd.DataFrame:
     for _, rows in table.groupby("measure"):
         ps = [None if pd.isna(p) else p for p in rows["p"]]
         table.loc[rows.index, "p_holm"] = pd.Series(correct_by_holm(ps), rows.index, dtype=float)
-    return table
+    level = table["baseline"].str.startswith("level") | table["variant"].str.startswith("level")
+    return table[~(level & (table["measure"] == "chamfer"))]
 
 
 def _open(fits: Sequence[Fit], figure: str) -> list[str]:
@@ -192,31 +190,24 @@ def _open(fits: Sequence[Fit], figure: str) -> list[str]:
     ]
 
 
-def _answer(question: Question, fits: Sequence[Fit]) -> list[str]:
+def _answer(question: Question, table: pd.DataFrame) -> list[str]:
     """The section of a question."""
-    table = compare(question, fits)
     lines = ["", f"## {question.title}", "", question.asked, "", *_say(question, table), ""]
-    shown = [measure for measure in SHOWN if _has_cells(question, table, measure)]
+    shown = [measure for measure in SHOWN if measure in set(table["measure"])]
     lines.append(_row(["", *(SHOWN[measure][0] for measure in shown), "failed"]))
     lines.append("|---|" + "---:|" * (len(shown) + 1))
     for pair in question.pairs:
         rows = _rows_of(table, pair)
         failed = rows["loss"]
-        cells = [_cell(rows.get(measure), measure, pair) for measure in shown]
+        cells = [_cell(rows[measure], measure) if measure in rows else "–" for measure in shown]
         failures = f"{failed['failures_baseline']} → {failed['failures_variant']}"
         lines.append(_row([_title(pair), *cells, failures]))
-    return lines + (_by_object(question, fits) if question.objects else [])
+    return lines
 
 
 def _rows_of(table: pd.DataFrame, pair: Pair) -> dict[str, dict]:
     both = (table["baseline"] == pair[0]) & (table["variant"] == pair[1])
     return {row["measure"]: row for row in table[both].to_dict("records")}
-
-
-def _has_cells(question: Question, table: pd.DataFrame, measure: str) -> bool:
-    return any(
-        _cell(_rows_of(table, pair).get(measure), measure, pair) != "–" for pair in question.pairs
-    )
 
 
 def _title(pair: Pair) -> str:
@@ -233,10 +224,7 @@ def _row(cells: Sequence[str]) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
-def _cell(row: dict | None, measure: str, pair: Pair) -> str:
-    other_frame = measure == "chamfer" and any(name.startswith("level") for name in pair)
-    if row is None or other_frame:
-        return "–"
+def _cell(row: dict, measure: str) -> str:
     digits = SHOWN[measure][1]
     said = f"{row['difference']:+.{digits}f}"
     if pd.notna(row["low"]):
@@ -251,18 +239,18 @@ def _is_shown(row: dict) -> bool:
 def _say(question: Question, table: pd.DataFrame) -> list[str]:
     """What the tests show of each measure, a line each."""
     lines = []
+    found = {pair: _rows_of(table, pair) for pair in question.pairs}
     for measure, (label, digits) in SHOWN.items():
-        pairs = {pair: _rows_of(table, pair).get(measure) for pair in question.pairs}
-        rows = {p: r for p, r in pairs.items() if _cell(r, measure, p) != "–"}
+        rows = {pair: of[measure] for pair, of in found.items() if measure in of}
         if not rows:
             continue
         better = [p for p, row in rows.items() if _is_shown(row) and row["difference"] < 0]
         worse = [p for p, row in rows.items() if _is_shown(row) and row["difference"] > 0]
         alike = [p for p in rows if p not in better and p not in worse]
         parts = [
-            f"{word} for {_list(found, rows, digits)}"
-            for word, found in (("lower", better), ("higher", worse))
-            if found
+            f"{word} for {_list(these, rows, digits)}"
+            for word, these in (("lower", better), ("higher", worse))
+            if these
         ]
         if alike:
             others = " the others" if len(alike) < len(rows) else " any pair"
@@ -275,9 +263,8 @@ def _list(pairs: Sequence[Pair], rows: dict[Pair, dict], digits: int) -> str:
     return ", ".join(f"{_title(p)} ({rows[p]['difference']:+.{digits}f})" for p in pairs)
 
 
-def _by_object(question: Question, fits: Sequence[Fit]) -> list[str]:
-    """The final loss and the steps of each object, for those pairs that ask for it."""
-    pairs = question.pairs
+def _by_object(pairs: Sequence[Pair], fits: Sequence[Fit]) -> list[str]:
+    """The difference of the final and of the mean loss of each object."""
     lines = [
         "",
         "By object, difference of final loss (difference of mean loss), medians of the replicates:",
@@ -287,10 +274,7 @@ def _by_object(question: Question, fits: Sequence[Fit]) -> list[str]:
     ]
     differences = {pair: difference_by_object(fits, pair) for pair in pairs}
     for name in dict.fromkeys(fit.object for fit in fits):
-        cells = [
-            f"{found[name][0]:+.3f} ({found[name][1]:+.3f})" if name in found else "–"
-            for found in differences.values()
-        ]
+        cells = [_pair_of(f[name]) if name in f else "–" for f in differences.values()]
         lines.append(_row([name, *cells]))
     return lines
 
@@ -313,57 +297,67 @@ def difference_by_object(fits: Sequence[Fit], pair: Pair) -> dict[str, tuple[flo
 def _confirm(small: Sequence[Fit], full: Sequence[Fit]) -> list[str]:
     """Whether the full benchmark has the same signs, object by object."""
     objects = list(dict.fromkeys(fit.object for fit in full))
-    steps = max(len(fit.loss) for fit in full)
     there = {fit.experiment for fit in full}
-    lines = [
+    pairs = dict.fromkeys(pair for question in QUESTIONS for pair in question.pairs)
+    found = {
+        pair: [difference_by_object(fits, pair) for fits in (small, full)]
+        for pair in pairs
+        if there.issuperset(pair)
+    }
+    steps = max(len(fit.loss) for fit in full)
+    return [
         "",
         "## Do 256 pixels and 2,000 steps tell the same?",
         "",
         f"`config/benchmark-full.yaml` on {', '.join(objects)}: {len(full)} fits of {steps:,} "
-        f"steps, {sum(fit.seconds[-1] for fit in full) / 60:,.0f} minutes of fitting. Differences "
-        "of final loss (of mean loss), small → full:",
+        f"steps, {sum(fit.seconds[-1] for fit in full) / 60:,.0f} minutes of fitting. "
+        f"{_say_agreement(found.values())} Differences of final loss (of mean loss), small → full:",
         "",
         _row(["", *objects]),
         "|---|" + "---:|" * len(objects),
+        *(
+            _row([_title(pair), *(_both(ours.get(o), theirs.get(o)) for o in objects)])
+            for pair, (ours, theirs) in found.items()
+        ),
     ]
-    agreeing, all_of_them = np.zeros(2, int), np.zeros(2, int)
-    for pair in dict.fromkeys(pair for question in QUESTIONS for pair in question.pairs):
-        if not there.issuperset(pair):
-            continue
-        ours, theirs = difference_by_object(small, pair), difference_by_object(full, pair)
-        cells = []
-        for name in objects:
-            if name not in ours or name not in theirs:
-                cells.append("–")
-                continue
-            a, b = np.array(ours[name]), np.array(theirs[name])
-            differ = (np.abs(a) > SAME["loss"]) & (np.abs(b) > SAME["loss"])
-            agreeing += differ & (np.sign(a) == np.sign(b))
-            all_of_them += differ
-            cells.append(f"{a[0]:+.3f} ({a[1]:+.3f}) → {b[0]:+.3f} ({b[1]:+.3f})")
-        lines.append(_row([_title(pair), *cells]))
-    lines[4] += (
-        f" Where both differ by more than {SAME['loss']}, they have the same sign in {agreeing[0]} "
-        f"of {all_of_them[0]} final losses and {agreeing[1]} of {all_of_them[1]} mean losses."
+
+
+def _say_agreement(found: Iterable[Sequence[dict[str, tuple[float, float]]]]) -> str:
+    """How often two runs' differences have one sign, of those that both are more than a tie."""
+    cases = [(ours[o], theirs[o]) for ours, theirs in found for o in ours if o in theirs]
+    both = np.array(cases).reshape(-1, 2, 2)  # [cases, runs, final and mean loss]
+    differ = (np.abs(both) > TIE).all(axis=1)
+    alike = differ & (np.sign(both[:, 0]) == np.sign(both[:, 1]))
+    (final, mean), (finals, means) = alike.sum(axis=0), differ.sum(axis=0)
+    return (
+        f"Where both differ by more than {TIE}, they have the same sign in {final} of {finals} "
+        f"final losses and {mean} of {means} mean losses."
     )
-    return lines
 
 
-def _draw(fits: Sequence[Fit]) -> Figure:
+def _both(ours: tuple[float, float] | None, theirs: tuple[float, float] | None) -> str:
+    return f"{_pair_of(ours)} → {_pair_of(theirs)}" if ours and theirs else "–"
+
+
+def _pair_of(losses: tuple[float, float]) -> str:
+    return f"{losses[0]:+.3f} ({losses[1]:+.3f})"
+
+
+def _draw(tables: Sequence[pd.DataFrame]) -> Figure:
     """Every pair's differences of a few measures, with their intervals, a row a pair."""
-    questions = [(question, compare(question, fits)) for question in QUESTIONS]
     count = sum(len(question.pairs) + 1 for question in QUESTIONS)
     figure = Figure(figsize=(11, 0.26 * count + 1), layout="constrained")
     panels = figure.subplots(1, len(DRAWN), sharey=True)
     ticks: dict[float, str] = {}
     place = 0
-    for question, table in questions:
+    for question, table in zip(QUESTIONS, tables, strict=True):
         ticks[place] = question.title
         for pair in question.pairs:
             place += 1
             ticks[place] = _title(pair)
+            rows = _rows_of(table, pair)
             for axes, measure in zip(panels, DRAWN, strict=True):
-                _draw_row(axes, _rows_of(table, pair)[measure], place)
+                _draw_row(axes, rows[measure], place)
         place += 1
     for axes, measure in zip(panels, DRAWN, strict=True):
         axes.axvline(0, color="0.3", linewidth=0.8)
