@@ -1,5 +1,6 @@
 import io
 import tarfile
+import zipfile
 
 import pytest
 from afar import png, tarred, zipped
@@ -103,6 +104,63 @@ def test_an_archive_cut_short_is_refused(tmp_path, pack):
     content = pack({f"cup/{i}.png": png(i, (60, 60)) + bytes(range(256)) * 9 for i in range(9)})
     with pytest.raises(InputError, match=r"cups\.tar: "):
         unpacked(tmp_path, content[: len(content) * 2 // 3], "cup")
+
+
+def noted(notes, kind=""):
+    """A tar of a photograph with notes before it."""
+    written = io.BytesIO()
+    with tarfile.open(fileobj=written, mode=f"w:{kind}", format=tarfile.PAX_FORMAT) as made:
+        entry = tarfile.TarInfo("cup/0.png")
+        entry.pax_headers = notes
+        made.addfile(entry)
+    return written.getvalue()
+
+
+def burst():
+    """A zip that is packed by bzip2, of which a few bytes are gigabytes in memory."""
+    written = io.BytesIO()
+    with zipfile.ZipFile(written, "w", zipfile.ZIP_BZIP2) as made:
+        made.writestr("cup/0.png", png())
+    return written.getvalue()
+
+
+def damaged_within():
+    content = bytearray(tarred({"cup/0.png": png(), "cup/1.png": png()}))
+    content[content.rindex(b"cup/1.png")] ^= 1
+    return bytes(content)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (noted({"comment": "x" * 2_000_000}), "has a note of 2,0"),
+        (noted({"comment": "x" * 2_000_000}, "gz"), "is no archive"),
+        (noted({"size": "-1024"}), "has -1,024 bytes"),
+        (burst(), "it is packed otherwise than by 'deflate'"),
+        (damaged_within(), "bad checksum"),
+    ],
+    ids=["note", "packed note", "size", "bzip2", "header"],
+)
+def test_what_the_library_reads_without_bounds_or_takes_for_the_end_is_refused(
+    tmp_path, content, said
+):
+    with pytest.raises(InputError, match=said):
+        unpacked(tmp_path, content, "cup")
+
+
+def test_folders_are_no_files_but_count_as_names(tmp_path, monkeypatch):
+    monkeypatch.setattr(archive, "MOST_NAMES", 3)
+    written = io.BytesIO()
+    with tarfile.open(fileobj=written, mode="w:gz") as made:
+        for i in range(4):
+            entry = tarfile.TarInfo(f"cup/{i}.png")
+            entry.type = tarfile.DIRTYPE
+            made.addfile(entry)
+    with pytest.raises(InputError, match="has more than 3 files"):
+        unpacked(tmp_path, written.getvalue(), "cup")
+    monkeypatch.setattr(archive, "MOST_NAMES", 4)
+    with pytest.raises(InputError, match="has no 'cup'"):
+        unpacked(tmp_path, written.getvalue(), "cup")
 
 
 def test_no_archive_is_refused(tmp_path):

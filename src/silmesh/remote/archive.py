@@ -25,7 +25,13 @@ PIECE = 1 << 20  # bytes that are copied at a time
 MOST_FILES = 10_000  # that are unpacked of one archive for one object
 FREE = 1 << 30  # bytes that may be unpacked of any archive
 PACKED = 100  # times its own bytes that may be unpacked of a larger one
-MOST_NAMES = 5_000_000  # that an archive may have
+MOST_NAMES = 1_000_000  # that an archive may have
+LARGEST_NOTE = 1 << 20  # bytes of a long name or of other notes in a tar, which are read at once
+NOTES = (
+    *(tarfile.XHDTYPE, tarfile.XGLTYPE, tarfile.SOLARIS_XHDTYPE),
+    *(tarfile.GNUTYPE_LONGNAME, tarfile.GNUTYPE_LONGLINK),
+)
+ZIPPED = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # the library unpacks others without bounds
 
 
 class DamagedError(InputError):
@@ -33,10 +39,10 @@ class DamagedError(InputError):
 
 
 class Member(NamedTuple):
-    """A file in an archive.
+    """A file or folder in an archive.
 
     Attributes:
-        name: as the archive has it
+        name: as the archive has it; that of a folder ends in ``/``
         plain: whether it is an ordinary file, and no link or device
         size: in bytes, as the archive says
         entry: by which it is found
@@ -55,23 +61,41 @@ class _Zip:
     def members(self) -> Iterator[Member]:
         for entry in self.file.infolist():
             kind = entry.external_attr >> 28  # of Unix; 0 where another system packed it
-            if not entry.is_dir():
-                yield Member(entry.filename, kind in (0, 8), entry.file_size, entry)
+            yield Member(entry.filename, kind in (0, 8), entry.file_size, entry)
 
     def read(self, member: Member) -> Iterator[bytes]:
+        if member.entry.compress_type not in ZIPPED:
+            raise NotImplementedError("it is packed otherwise than by 'deflate'")
         with self.file.open(member.entry) as opened:
             while piece := opened.read(PIECE):
                 yield piece
 
 
+class _Entry(tarfile.TarInfo):
+    """An entry of a tar as its header has it; the library takes a damaged one for the end."""
+
+    @classmethod
+    def frombuf(cls, buf: bytes, encoding: str, errors: str) -> "_Entry":
+        try:
+            found = super().frombuf(buf, encoding, errors)
+        except (tarfile.InvalidHeaderError, tarfile.TruncatedHeaderError) as error:
+            raise tarfile.ReadError(str(error)) from error
+        if found.type in NOTES and not 0 <= found.size <= LARGEST_NOTE:
+            raise tarfile.ReadError(f"an entry has a note of {found.size:,} bytes")
+        return found
+
+
+def _name_of(entry: tarfile.TarInfo) -> str:
+    return f"{entry.name}/" if entry.isdir() else entry.name
+
+
 class _PackedTar:
     def __init__(self, path: Path):
-        self.file = tarfile.open(path)  # noqa: SIM115
+        self.file = tarfile.open(path, tarinfo=_Entry)  # noqa: SIM115
 
     def members(self) -> Iterator[Member]:
         for entry in self.file:
-            if not entry.isdir():
-                yield Member(entry.name, entry.isreg(), entry.size, entry)
+            yield Member(_name_of(entry), entry.isreg(), entry.size, entry)
 
     def read(self, member: Member) -> Iterator[bytes]:
         opened = self.file.extractfile(member.entry)
@@ -94,18 +118,19 @@ class _Tar:
             if known["state"] == self.state:
                 yield from (Member(*row) for row in known["members"])
                 return
-        found = list(self._walk())
+        found: list[Member] = []
+        for member in self._walk():
+            found.append(member)
+            yield member
         with suppress(OSError, InputError), replacing(index) as part:
             kept = {"state": self.state, "members": found}
             part.write_text(json.dumps(kept), encoding="utf-8")
-        yield from found
 
     def _walk(self) -> Iterator[Member]:
-        with tarfile.open(self.path, "r:") as archive:
+        with tarfile.open(self.path, "r:", tarinfo=_Entry) as archive:
             for entry in archive:
-                if not entry.isdir():
-                    plain = entry.isreg() and not entry.issparse()
-                    yield Member(entry.name, plain, entry.size, entry.offset_data)
+                plain = entry.isreg() and not entry.issparse()
+                yield Member(_name_of(entry), plain, entry.size, entry.offset_data)
 
     def read(self, member: Member) -> Iterator[bytes]:
         self.file.seek(member.entry)
@@ -169,7 +194,9 @@ def _kind_of(path: Path) -> type[_Zip | _PackedTar | _Tar] | None:
         return _Tar
     if zipfile.is_zipfile(path):
         return _Zip
-    return _PackedTar if tarfile.is_tarfile(path) else None
+    with suppress(tarfile.TarError), tarfile.open(path, tarinfo=_Entry):
+        return _PackedTar
+    return None
 
 
 def _choose(archive: _Zip | _PackedTar | _Tar, name: str, wanted: str, most: int) -> list[Member]:
@@ -177,15 +204,18 @@ def _choose(archive: _Zip | _PackedTar | _Tar, name: str, wanted: str, most: int
     everything: list[Member] = []
     members, size = archive.members(), 0
     while member := _next(members, name):
+        if member.size < 0:  # the library would go back, and around
+            raise DamagedError(f"{name}: {shorten(member.name)}: has {member.size:,} bytes")
         everything.append(member)
         size += member.size
         if len(everything) > MOST_NAMES:
             raise InputError(f"{name}: has more than {MOST_NAMES:,} files")
         if size > most:  # before a packed one is read on
             raise _tell_bomb(name, member)
-    meant = [member for member in everything if _is_meant(_plain(member.name), wanted)]
+    files = [member for member in everything if not member.name.endswith("/")]
+    meant = [member for member in files if _is_meant(_plain(member.name), wanted)]
     if not meant:
-        raise InputError(_explain_none(name, wanted, [_plain(m.name) for m in everything]))
+        raise InputError(_explain_none(name, wanted, [_plain(m.name) for m in files]))
     _refuse_unusable(name, meant)
     return meant
 
@@ -213,7 +243,7 @@ def _refuse_unusable(name: str, meant: Sequence[Member]) -> None:
     """Refuse members that lead out of the archive, are links, too many or of several folders."""
     for member in meant:
         parts = re.split(r"[/\\]", member.name)
-        if ".." in parts or member.name.startswith(("/", "\\")) or ":" in parts[0]:
+        if ".." in parts or member.name.startswith(("/", "\\")):
             raise InputError(
                 f"{name}: {shorten(member.name)}: leads out of the archive; such an archive is "
                 "made to do harm, or damaged"

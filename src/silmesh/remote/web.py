@@ -48,11 +48,11 @@ def _ask(url: str, start: int, version: str) -> Answer:
         raise BrokenOffError(f"the server says nothing for {PATIENCE} s") from error
     except requests.RequestException as error:
         raise InputError(f"{url}: cannot be asked for: {type(error).__name__}") from error
-    _refuse_status(url, answer.status_code)
-    if answer.status_code == HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE:
+    if start and answer.status_code == HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE:
         if _total_of(answer) != start:  # what has come is more than there is
             return _ask(url, 0, "")
         return Answer(start, start, version, iter(()))
+    _refuse_status(url, answer.status_code)
     ranged = re.match(r"bytes (\d+)-", answer.headers.get("Content-Range", ""))
     begins = int(ranged[1]) if answer.status_code == HTTPStatus.PARTIAL_CONTENT and ranged else 0
     if begins not in (0, start):
@@ -73,7 +73,7 @@ def _fill_in(url: str) -> str:
 
 
 def _refuse_status(url: str, status: int) -> None:
-    if status < 400 or status == HTTPStatus.REQUESTED_RANGE_NOT_SATISFIABLE:
+    if status < 400:
         return
     said = f"{status} {requests.status_codes._codes.get(status, ('unknown',))[0].replace('_', ' ')}"
     if status >= 500 or status in AGAIN:

