@@ -73,7 +73,7 @@ def given_digest(files):
 
 def texts(files, input=()):
     """The paths as a rule's parameter keeps them, those of its inputs where they are read."""
-    return [where(file, input) for file in files]
+    return [where(file, input) if input else str(file) for file in files]
 
 
 def where(file, input):

@@ -77,9 +77,7 @@ def _go_on(source: Source, part: Path, progress: Share) -> None:
     version = known.read_text(encoding="utf-8") if known.is_file() else ""
     answer = source(_size(part) if version else 0, version)
     if answer.start == 0:
-        part.unlink(
-            missing_ok=True
-        )  # first: the bytes of one version never have the name of another
+        part.unlink(missing_ok=True)  # first: its bytes are of another version
         known.write_text(answer.version, encoding="utf-8")
     with _naming(part), open(part, "r+b" if answer.start else "wb") as opened:
         opened.seek(answer.start)
