@@ -133,6 +133,7 @@ rule all:
 
 
 include: "workflow/rules/synthetic.smk"
+include: "workflow/rules/fetch.smk"
 include: "workflow/rules/views.smk"
 include: "workflow/rules/silhouettes.smk"
 include: "workflow/rules/cameras.smk"

@@ -14,6 +14,7 @@ ROOT = SOURCE / "silmesh"
 LOOSE, API = "loose modules", "api"
 FLOORS = (  # from the lowest
     {LOOSE},
+    {"remote"},
     {"settings"},
     {"softras"},
     {"geometry"},

@@ -25,6 +25,7 @@ from silmesh.progress import Share, untold
 from silmesh.reading import IMAGES, is_array, open_array, read_row, split_row
 
 MANIFEST = "views.json"
+FEWEST_VIEWS = 2
 # Formats as Pillow calls them.
 ANIMATED = ("PNG", "WEBP", "TIFF", "AVIF")  # formats that may have several frames
 PROGRAMS = ("EPS", "WMF")  # formats that are programs, which Pillow has another program run
@@ -124,6 +125,20 @@ def find_images(pattern: Path) -> list[Path]:
         InputError: as ``list_images``, or two photographs of one folder have the same stem
     """
     return order_photographs(split_masks(list_images(pattern))[0])
+
+
+def list_photographs(paths: Sequence[Path]) -> list[Path]:
+    """The photographs that paths name: a folder, which is the only one then, stands for its own.
+
+    Raises:
+        InputError: as ``find_images``, or a folder has but one
+    """
+    if len(paths) != 1 or not paths[0].is_dir():
+        return list(paths)
+    found = find_images(paths[0])
+    if len(found) < FEWEST_VIEWS:
+        raise InputError(f"{paths[0]}: holds 1 photograph; a fit needs at least {FEWEST_VIEWS}")
+    return found
 
 
 def list_images(pattern: Path) -> list[Path]:

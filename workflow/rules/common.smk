@@ -8,6 +8,7 @@ from silmesh.files import remove, replacing
 from silmesh.planning.needs import read_needs
 from silmesh.planning.slurm import has_gpus, try_job
 from silmesh.reading import split_row
+from silmesh.remote.address import fetched_folder
 from silmesh.report.parts import LISTED, PARTS
 
 REPORT_PLAN = "results/report/plan.json"
@@ -15,9 +16,8 @@ PAGES = "results/report/objects"  # of the objects, if they are many
 UNFINISHED = "results/report/unfinished.html"
 
 needs = read_needs(Path(workflow.source_path("../needs.tsv")))
-given_gpus = workflow.global_resources.get(
-    "gpu"
-)  # before Snakemake puts in a limit of its own
+# Before Snakemake puts in a limit of its own.
+given_gpus = workflow.global_resources.get("gpu")
 
 
 def on_cluster():
@@ -138,7 +138,13 @@ def renderer_module(wildcards):
 
 def made(files):
     """Those of the files that the workflow makes: inputs."""
-    return [file for file in files if is_made(file)]
+    return [as_input(file) for file in files if is_made(file)]
+
+
+def as_input(file):
+    """A file that is made; of what is fetched its folder, whatever its age: its name tells what it is."""
+    folder = fetched_folder(file)
+    return ancient(folder) if folder else file
 
 
 def is_made(file):
@@ -147,6 +153,7 @@ def is_made(file):
         return False
     fetched = file.parent == WEIGHTS and file.stem in FOREGROUND_MODELS
     ours = fetched or Path("results") in file.parents
+    ours = ours or fetched_folder(file) is not None
     return ours or is_promised(file) or file in promised_files(file.parent)
 
 
@@ -155,15 +162,32 @@ def given_digest(files):
     return read_digest(file for file in files if not is_made(file))
 
 
-def texts(files):
-    """The paths as a rule's parameter keeps them."""
-    return [str(file) for file in files]
+def texts(files, input=()):
+    """The paths as a rule's parameter keeps them, those of its inputs where they are read."""
+    return [where(file, input) if input else str(file) for file in files]
+
+
+def where(file, input):
+    """Where a step reads a file: what is made may lie in a store, and is read from its copy here."""
+    if not is_made(file):
+        return str(file)
+    whole = str(fetched_folder(file) or file)
+    copy = next((str(i) for i in input if f"/{i}".endswith(f"/{whole}")), whole)
+    return copy + str(file).removeprefix(whole)
 
 
 def fewest_photographs(wildcards):
     """The argument that says how many photographs must be readable, if not all."""
     fewest = plan.fewest_photographs(wildcards.object, wildcards.views)
     return "" if fewest is None else f"--fewest {fewest}"
+
+
+def results_above(folders):
+    """A function that gives where results lie, so many folders above the rule's first output.
+
+    Where results go to a store, that is in its copy on this machine.
+    """
+    return lambda w, output: str(Path(output[0]).parents[folders])
 
 
 def settings(section):

@@ -20,6 +20,7 @@ rule evaluate:
         **resources("evaluate"),
     params:
         settings=fit_settings,
+        results=results_above(2),
         truth=truth_arguments,
         relief=relief_argument("relief"),
         texture=texture_argument,
@@ -29,6 +30,6 @@ rule evaluate:
     shell:
         "python -m silmesh.steps evaluate --mesh {input.mesh:q} --cameras {input.cameras:q}"
         " --loss {input.loss:q} --scene {input.scene:q} --initial {input.initial:q}"
-        " --notes {input.notes:q}"
+        " --notes {input.notes:q} --results {params.results:q}"
         " {params.truth} {params.relief} {params.texture} --settings {params.settings:q}"
         " --threads {threads} --output {output:q} 2> {log:q}"

@@ -165,11 +165,12 @@ rule conclude:
     params:
         told=text_digest(REPORT_PLAN_TEXT),
         plan=REPORT_PLAN,
+        results=results_above(1),
         code=code_digest("silmesh.steps.conclude"),
     message:
         "comparing the variants"
     shell:
-        "python -m silmesh.steps conclude --plan {params.plan:q} --table {output.table:q}"
+        "python -m silmesh.steps conclude --plan {params.plan:q} --results {params.results:q} --table {output.table:q}"
         " --latex {output.latex:q} --figures {output.svg:q} {output.pdf:q} 2> {log:q}"
 
 
@@ -182,6 +183,7 @@ rule page:
         exhibits=every_shown("results/report/exhibits/{0}/{1}.json"),
         figures=every_shown("results/report/figures/{0}.svg"),
         scenes=every_run("results/{0}/stages/scenes/{2}"),
+        judged=every_run("results/{0}/stages/judged/{3}"),
         rings=every_run("results/report/cameras/{0}/{2}.png"),
         sheets=every_run("results/report/silhouettes/{0}/{3}.png"),
         galleries=every_run("results/report/galleries/{0}/{3}.json"),
@@ -214,13 +216,14 @@ rule page:
     params:
         told=text_digest(REPORT_PLAN_TEXT),
         plan=REPORT_PLAN,
-        pages=PAGES,
+        pages=lambda w, output: str(Path(output.page).with_name("objects")),
+        results=results_above(1),
         read=given_digest(published()),
         code=code_digest("silmesh.steps.report"),
         parts=[file_digest("silmesh.report", name) for name in PARTS],
     message:
         "writing results/report/report.html"
     shell:
-        "python -m silmesh.steps report --plan {params.plan:q} --losses {output.losses:q}"
-        " --conclusions {input.conclusions:q}"
+        "python -m silmesh.steps report --plan {params.plan:q} --results {params.results:q}"
+        " --losses {output.losses:q} --conclusions {input.conclusions:q}"
         " --summary {output.summary:q} --page {output.page:q} --pages {params.pages:q} 2> {log:q}"

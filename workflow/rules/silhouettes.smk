@@ -39,7 +39,7 @@ rule silhouettes:
     resources:
         **resources("silhouettes"),
     params:
-        masks=lambda w: texts(with_silhouettes(w).masks),
+        masks=lambda w, input: texts(with_silhouettes(w).masks, input),
         read=lambda w: given_digest(silhouettes_files(w)),
         settings=silhouettes_settings,
         source=lambda w: with_silhouettes(w).silhouettes,

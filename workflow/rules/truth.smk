@@ -14,7 +14,7 @@ rule truth:
     resources:
         **resources("truth"),
     params:
-        mesh=lambda w: str(plan.of_object(w.object).truth),
+        mesh=lambda w, input: where(plan.of_object(w.object).truth, input),
         read=lambda w: given_digest([plan.of_object(w.object).truth]),
         code=code_digest("silmesh.steps.truth"),
     message:

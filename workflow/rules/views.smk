@@ -16,7 +16,7 @@ rule views:
     resources:
         **resources("views"),
     params:
-        images=lambda w: texts(with_views(w).dataset.images),
+        images=lambda w, input: texts(with_views(w).dataset.images, input),
         read=lambda w: given_digest(with_views(w).dataset.images),
         settings=lambda w: settings(with_views(w).settings.views),
         fewest=fewest_photographs,

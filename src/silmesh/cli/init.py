@@ -55,7 +55,11 @@ LAYOUTS = {"aloi": aloi, "coil": coil, "shapenet": shapenet}  # of published dat
 
 
 def write_project(
-    folder: Path, force: bool, layout: str | None = None, objects: str | None = None
+    folder: Path,
+    force: bool,
+    layout: str | None = None,
+    objects: str | None = None,
+    source: str | None = None,
 ) -> Iterator[str]:
     """Write what ``snakemake`` needs into a folder of photographs of many objects.
 
@@ -64,6 +68,7 @@ def write_project(
         force: overwrite what is there
         layout: of a published data set, of ``LAYOUTS``
         objects: numbers of the objects of that, as ``1-10,17``; all that are there if not given
+        source: address of the folder of ALOI's archives, if they are to be fetched
     Yields:
         lines that say what was chosen, and the next command
 
@@ -74,6 +79,8 @@ def write_project(
     if objects is not None and layout is None:
         names = ", ".join(f"--{name}" for name in LAYOUTS)
         raise InputError(f"--objects: is of a published data set alone; needs one of {names}")
+    if source is not None and layout != "aloi":
+        raise InputError("--from: is of ALOI's archives alone; needs --aloi")
     within = folders_within(folder) if layout is None else []
     if not within and layout is None:
         raise InputError(_explain_none(folder))
@@ -82,7 +89,7 @@ def write_project(
         raise InputError(f"{', '.join(there)}: is there already; --force overwrites it")
     for path in made:
         try_file(path)
-    found = LAYOUTS[layout].find_rows(folder, objects) if layout else _collect(within, folder)
+    found = _find(folder, within, layout, objects, source)
     yield from found.tell()
     yield from _count(found.rows) if layout else ()
     flow = find_snakefile().parent / "workflow"
@@ -93,6 +100,19 @@ def write_project(
         write_text(path, text)
     yield f"written: {', '.join(map(str, made[:3]))}; look at the table, then:"
     yield f"cd {quote(folder)} && snakemake --cores {os.cpu_count()}"
+
+
+def _find(
+    folder: Path,
+    within: Sequence[Path],
+    layout: str | None,
+    objects: str | None,
+    source: str | None,
+) -> Collection:
+    """The objects: those that are fetched, those of a published data set, or a folder each."""
+    if source is not None:
+        return aloi.name_rows(source, objects)
+    return LAYOUTS[layout].find_rows(folder, objects) if layout else _collect(within, folder)
 
 
 def _explain_none(folder: Path) -> str:

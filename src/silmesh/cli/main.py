@@ -269,7 +269,16 @@ def make(photos: tuple[Path, ...], output: Path, **options: Any) -> None:
     help="FOLDER has <class>_<split>_images.npz, and _voxels.npz.",
 )
 @click.option("--objects", metavar="LIST", help="Of these: numbers, as 1-10,17.")
-def init(folder: Path, force: bool, layout: str | None, objects: str | None) -> None:
+@click.option(
+    "--from",
+    "source",
+    metavar="ADDRESS",
+    help="Of ALOI: https:// or s3:// address of the folder of its archives, of which the "
+    "photographs of these objects are fetched when they are needed.",
+)
+def init(
+    folder: Path, force: bool, layout: str | None, objects: str | None, source: str | None
+) -> None:
     """Write a table and a configuration for a FOLDER of folders, each of one object's photographs.
 
     Or for a published data set of many objects.
@@ -279,7 +288,7 @@ def init(folder: Path, force: bool, layout: str | None, objects: str | None) -> 
     from silmesh.cli.init import write_project
 
     try:
-        for line in write_project(folder, force, layout, objects):
+        for line in write_project(folder, force, layout, objects, source):
             click.echo(line)
     except InputError as error:
         _end(str(error), WRONG)

@@ -42,13 +42,13 @@ from silmesh.intake.sources import choose_cameras, choose_silhouettes, look
 from silmesh.naming import name_views
 from silmesh.own_code import own_file
 from silmesh.planning.datasets import usable
+from silmesh.remote.cache import CACHE
 from silmesh.scene.diagnosis import MEASURED, describe_masks
 from silmesh.settings.detail import NORMAL, choose_detail
 from silmesh.settings.fit import name_fit
 from silmesh.settings.init import mesh_file
 from silmesh.settings.texture import NONE
 from silmesh.silhouettes.mask import refuse_labels
-from silmesh.silhouettes.weights import CACHE
 
 VIDEO = "video"  # folder of what a video is cut into; no masks lie beside it
 OTHER_KEEP = "--keep should name another folder"

@@ -25,7 +25,7 @@ from silmesh.errors import InputError
 from silmesh.files import try_inside
 from silmesh.planning.lock import LIFELINE, make_lifeline, name_lifeline
 from silmesh.progress import EVERY
-from silmesh.silhouettes.weights import CACHE, cache_folder, user_cache
+from silmesh.remote.cache import CACHE, cache_folder, user_cache
 
 TICK = 0.5  # seconds between two looks at the clock
 PATIENCE = 10.0  # seconds that a stopped run has to end by itself

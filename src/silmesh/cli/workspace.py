@@ -29,7 +29,7 @@ from silmesh.planning.lock import COMMAND, hold
 from silmesh.planning.places import WRITTEN, try_places
 from silmesh.planning.plan import Plan
 from silmesh.planning.provenance import SOURCE
-from silmesh.silhouettes.weights import cache_folder
+from silmesh.remote.cache import cache_folder
 
 TABLE, CONFIG = "datasets.tsv", "config.yaml"
 PHOTOGRAPHS, MASKS = "photographs", "masks"  # folders of links

@@ -20,9 +20,11 @@ from silmesh.intake.unpacked import Collection, Row, describe_sizes, find_faults
 from silmesh.naming import natural_key
 from silmesh.planning.datasets import to_name, usable
 from silmesh.planning.numbers import parse_numbers
+from silmesh.remote.address import parse_address
 
 SIZES = ("", "2", "4")  # what is put behind png and mask, from the largest photographs
 OBJECTS = 1000
+HALF = ("aloi_red2_view", "aloi_mask2")  # archives of half the size
 STEP = 5  # degrees from one view to the next
 ANGLES = range(0, 360, STEP)
 
@@ -47,6 +49,33 @@ def find_rows(folder: Path, objects: str | None) -> Collection:
         else:
             found.rows.append(_describe(name, photographs, masks, folder))
     found.refuse_empty(folder)
+    return found
+
+
+def name_rows(source: str, objects: str | None) -> Collection:
+    """Objects whose photographs and masks are fetched from ALOI's archives when they are needed.
+
+    They are those of half the size, 384x288.
+
+    Args:
+        source: the address of the archives' folder
+        objects: their numbers, as ``1-10,17``; all if not given
+
+    Raises:
+        InputError: the numbers are none, or nothing can be fetched from such an address
+    """
+    with blaming("--objects"):
+        numbers = parse_numbers(objects, 1, OBJECTS) if objects else range(1, OBJECTS + 1)
+    views, masks = (f"{source.rstrip('/')}/{archive}.tar" for archive in HALF)
+    found = Collection(said=[f"fetched when they are needed: {views}, {masks}"])
+    for n in numbers:
+        row = _describe_cells(
+            str(n), f"{views}#png2/{n}/{n}_r*.png", f"{masks}#mask2/{n}/{n}_r*.png"
+        )
+        found.rows.append(row)
+    with blaming("--from"):
+        for column in ("images", "masks"):
+            parse_address(found.rows[0][column])
     return found
 
 
@@ -109,10 +138,14 @@ def _describe(name: str, photographs: Path, masks: Path | None, folder: Path) ->
     def views_in(place: Path) -> str:
         return str(usable(Path(os.path.relpath(place, folder)) / name / f"{name}_r*.png"))
 
+    return _describe_cells(name, views_in(photographs), views_in(masks) if masks else "")
+
+
+def _describe_cells(name: str, images: str, masks: str) -> Row:
     return {
         "object": f"aloi_{name}" if name.isdecimal() else to_name(name),
-        "images": views_in(photographs),
-        "masks": views_in(masks) if masks else "",
+        "images": images,
+        "masks": masks,
         "silhouettes": "mask" if masks else "threshold",
         "cameras": "calibrate",
         "turntable": f",,{STEP}",

@@ -32,17 +32,25 @@ from silmesh.reading import (
     is_array,
     split_row,
 )
+from silmesh.remote.address import (
+    ARCHIVES,
+    MESHES,
+    Address,
+    fetched_folder,
+    is_remote,
+    parse_address,
+)
 from silmesh.settings.section import LONGEST_NAME, LONGEST_PATH, NAME
 from silmesh.settings.silhouettes import check_source
 from silmesh.settings.turntable import FEWEST, SOFTRAS_SHAPENET, Turntable, parse_turntable
 from silmesh.synthetic import layout
-from silmesh.views import count_array_views, list_images, list_masks
+from silmesh.views import FEWEST_VIEWS, count_array_views, list_images, list_masks
 
 REQUIRED = ("object", "images", "silhouettes", "cameras")
 OPTIONAL = ("masks", "turntable", "sets", "truth", "variants")
 COLUMNS = REQUIRED + OPTIONAL
+FETCHED = ("images", "masks", "truth")  # columns that may name what is afar
 RESERVED = "report"  # a folder of results/
-FEWEST_VIEWS = 2
 UNPRINTABLE = r"[\x00-\x1f\x7f\ud800-\udfff]"  # control characters, bytes that are no UTF-8
 
 
@@ -54,8 +62,8 @@ class Dataset:
         where: file and line, for messages
         object: its name
         images: the photographs in natural order, or one SoftRas ``.npy``, or an object of an
-            ``.npz``, ``<file>.npz#3``
-        masks: the mask of each photograph, or none
+            ``.npz``, ``<file>.npz#3``, or the folder that photographs from afar are fetched into
+        masks: the mask of each photograph, or none, or the folder that they are fetched into
         silhouettes, cameras: where they come from; a ``file:`` path is resolved
         turntable: what the row says of its geometry
         sets: the views of each set of photographs between which the object was turned over; empty
@@ -63,6 +71,7 @@ class Dataset:
         truth: the true mesh, if given, or the true voxels, an object of an ``.npz``
         variants: the experiments that it runs; empty for all
         notes: what was found and is not used, a line each
+        afar: the addresses of what is fetched
     """
 
     where: str
@@ -76,6 +85,15 @@ class Dataset:
     truth: Path | None
     variants: tuple[str, ...]
     notes: tuple[str, ...] = ()
+    afar: tuple[Address, ...] = ()
+
+    @property
+    def photographs(self) -> int | None:
+        """How many there are; None where that is not known before they are fetched."""
+        if fetched_folder(self.images[0]):
+            return None
+        array = is_array(self.images[0])
+        return count_array_views(self.images[0]) if array else len(self.images)
 
 
 def read_datasets(table: Path) -> list[Dataset]:
@@ -128,7 +146,7 @@ def _read_rows(table: Path) -> list[tuple[int, dict[str, str]]]:
 def _expand(table: Path, line: int, row: dict[str, str]) -> list[dict[str, str]]:
     """A row of each of the objects that a row names of an ``.npz``; else the row itself."""
     name, mark, numbers = row["images"].partition(f"{ARCHIVE}#")
-    if not mark and not name.endswith(ARCHIVE):
+    if is_remote(name) or (not mark and not name.endswith(ARCHIVE)):
         return [row]
     cells = ("images", name.removesuffix(ARCHIVE) + ARCHIVE)
     with blaming(f"{table}, line {line} ({row['object']})"):
@@ -214,6 +232,7 @@ def _parse_row(table: Path, line: int, row: Mapping[str, str]) -> Dataset:
         turntable = parse_turntable(row["turntable"] or known)
         sets = _find_sets(row["sets"], images)
         _refuse_rounds(turntable, sets, images)
+        afar = [parse_address(row[column]) for column in FETCHED if is_remote(row[column])]
         return Dataset(
             where=where,
             object=name,
@@ -226,12 +245,29 @@ def _parse_row(table: Path, line: int, row: Mapping[str, str]) -> Dataset:
             truth=_find_truth(table, row["truth"]) if row["truth"] else None,
             variants=tuple(dict.fromkeys(re.findall(r"[^,\s]+", row["variants"]))),
             notes=tuple(f"{where}: {note}" for note in notes),
+            afar=tuple(afar),
         )
 
 
 def _beside(table: Path, path: str) -> Path:
     """A path of the table, which is relative to the table itself."""
     return usable(Path(os.path.normpath(table.parent / os.path.expanduser(path))))
+
+
+def _place_afar(column: str, cell: str) -> Path:
+    """Where what is fetched for a column will lie: a folder of images, or a mesh."""
+    with blaming(column):
+        address = parse_address(cell)
+        if column == "truth" and not address.is_mesh:
+            raise InputError(
+                f"{cell}: should be a mesh ({', '.join(MESHES)}), or one in an archive"
+            )
+        if column != "truth" and not address.holds_images:
+            raise InputError(
+                f"{cell}: should be an archive of photographs ({', '.join(ARCHIVES)}), or a "
+                "folder of s3://"
+            )
+    return address.file if column == "truth" else address.folder
 
 
 def to_name(folder: str) -> str:
@@ -265,6 +301,8 @@ def _find_images(table: Path, cell: str) -> tuple[tuple[Path, ...], list[Path]]:
     """The photographs, and the masks that lie beside them."""
     if not cell:
         raise InputError("images: is empty; should be a folder, a glob or a SoftRas .npy")
+    if is_remote(cell):
+        return (_place_afar("images", cell),), []
     path = _beside(table, cell)
     if made := layout.promised_files(path):
         return made, []
@@ -290,6 +328,13 @@ def _find_masks(
     """The mask of each photograph, or none, and what is not used."""
     if not cell:
         return _take_beside(images, beside)
+    if is_remote(cell):
+        return (_place_afar("masks", cell),), []
+    if fetched_folder(images[0]):
+        raise InputError(
+            f"masks: {cell}: lie here, but the photographs afar; should both be fetched, or both "
+            "be here"
+        )
     path = _beside(table, cell)
     if is_array(images[0]):
         raise InputError(f"masks: {path}: an array of images has its masks in its alpha channel")
@@ -325,6 +370,8 @@ def resolve_cameras(table: Path, cell: str) -> str:
     if cell in ("turntable", "calibrate", "colmap", "auto"):
         return cell
     kind, _, name = cell.partition(":")
+    if is_remote(name):
+        raise InputError("cameras: a file of cameras is not fetched; should be a path")
     if kind != "file" or not name:
         raise InputError(
             "cameras: should be 'turntable', 'calibrate', 'colmap', 'auto' or 'file:<path>', "
@@ -340,6 +387,13 @@ def resolve_cameras(table: Path, cell: str) -> str:
 
 def _find_sets(cell: str, images: Sequence[Path]) -> tuple[tuple[str, ...], ...]:
     """The views of each set that a row names."""
+    if fetched_folder(images[0]):
+        if cell:
+            raise InputError(
+                "sets: photographs from afar are not known by name before they are fetched; "
+                "should be empty, or the photographs be here"
+            )
+        return ()
     if cell and is_array(images[0]):
         raise InputError("sets: an array has no names of views, by which they are told apart")
     return find_sets(cell, name_views(images), [image.parent.name for image in images])
@@ -356,7 +410,8 @@ def _refuse_rounds(
             "which the object was turned over; should be what is known of all sets, as ',,20', "
             "or sets empty"
         )
-    if rounds > 1 and not is_array(images[0]) and rounds * FEWEST > len(images):
+    known = not is_array(images[0]) and not fetched_folder(images[0])
+    if rounds > 1 and known and rounds * FEWEST > len(images):
         raise InputError(
             f"turntable: names {rounds} rounds of {len(images)} photographs; each round should "
             f"have {FEWEST} or more"
@@ -364,6 +419,8 @@ def _refuse_rounds(
 
 
 def _find_truth(table: Path, cell: str) -> Path:
+    if is_remote(cell):
+        return _place_afar("truth", cell)
     path = _beside(table, cell)
     if row := split_row(path):
         count_objects(row[0], VOXELS)

@@ -15,7 +15,7 @@ from silmesh.reading import is_array
 from silmesh.settings.fit import refuse_clash
 from silmesh.settings.train import NEW
 from silmesh.silhouettes.tflite import is_tflite
-from silmesh.views import count_array_views, find_images
+from silmesh.views import find_images
 
 if TYPE_CHECKING:
     from silmesh.planning.plan import Run
@@ -100,9 +100,8 @@ def _refuse_few_views(run: "Run") -> None:
             f"{images[0]}: an array of images, but cameras 'colmap' needs the photographs as "
             "files; should be 'calibrate' or a file of cameras"
         )
-    count = count_array_views(images[0]) if array else len(images)
-    every = run.settings.fit.holdout
-    if every and count - count // every < FEWEST_FITTED:
+    count, every = run.dataset.photographs, run.settings.fit.holdout
+    if every and count is not None and count - count // every < FEWEST_FITTED:
         raise InputError(
             f"fit.holdout: {every} keeps {count // every} of {count} photographs out, which leaves "
             f"fewer than {FEWEST_FITTED} to fit; should be 0"

@@ -4,6 +4,8 @@ from pathlib import Path
 
 from silmesh.files import try_inside
 from silmesh.planning.plan import Plan
+from silmesh.remote.address import FOLDER
+from silmesh.remote.cache import fetched_cache
 from silmesh.settings.silhouettes import WEIGHTS
 from silmesh.silhouettes.weights import try_cache
 
@@ -21,6 +23,9 @@ def try_places(plan: Plan, folder: Path = Path()) -> None:
     """
     for name in WRITTEN:
         try_inside(folder / name)
+    if plan.afar:
+        try_inside(folder / FOLDER)
+        try_inside(fetched_cache())
     for run in plan.runs:
         if run.silhouettes == "matting":
             try_cache(run.settings.matting.model)

