@@ -63,7 +63,7 @@ def test_a_failed_stage_is_named_with_the_words_of_its_step(tmp_path):
 
 def test_a_traceback_is_told_by_its_last_line_and_only_of_its_own_run(tmp_path):
     finish(tmp_path, "cup", "fine")
-    said = fail(tmp_path, "fit/cup-plain.log", "Traceback", "MemoryError: 3 GB", "")
+    said = fail(tmp_path, "fit/cup-plain.log", "Traceback", "MemoryError: 3 GB", "# used 1 s", "")
     runs = [plan_run(tmp_path, "cup"), plan_run(tmp_path, "cup", "fine")]
     (told,) = find(tmp_path, runs, said)
     assert (told["variant"], told["reason"]) == ("plain", "MemoryError: 3 GB")
@@ -85,7 +85,7 @@ def test_what_all_wait_for_is_the_reason_of_all(tmp_path):
 
 
 def test_a_step_that_said_nothing_is_named_by_its_log(tmp_path):
-    said = fail(tmp_path, "fit/cup-plain.log", "")
+    said = fail(tmp_path, "fit/cup-plain.log", "# cd /x", "")
     (told,) = find(tmp_path, [plan_run(tmp_path, "cup")], said)
     assert told["reason"].endswith("cup-plain.log says nothing")
 

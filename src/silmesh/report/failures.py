@@ -48,13 +48,17 @@ def _read_failures(said: str) -> dict[str, str]:
 
 
 def _read_reason(log: Path) -> str:
-    """What a step said last; its own message before what a traceback ends in."""
+    """What a step said last; its own message before what a traceback ends in.
+
+    Lines that begin with # are the command of the step, and what it used.
+    """
     try:
         lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:
         lines = []
     own = [line.removeprefix("silmesh: ") for line in lines if line.startswith("silmesh: ")]
-    return next(filter(str.strip, reversed(own or lines)), f"{log} says nothing")
+    said = [line for line in own or lines if line.strip() and not line.startswith("# ")]
+    return said[-1] if said else f"{log} says nothing"
 
 
 def _find_object(log: str, objects: set[str]) -> str | None:
