@@ -30,7 +30,7 @@ Executor.next_seconds_between_status_checks = property(lambda self: 2, lambda se
 from snakemake.cli import main
 main()
 """
-PATIENCE = 1200.0  # seconds for what takes one or two minutes on an idle machine
+PATIENCE = 300.0  # seconds for what takes one or two minutes on an idle machine
 WAIT = """\
         if (stop := os.environ.get("SILMESH_TEST_STOP")) and not os.path.exists(stop):
             open(stop, "w").write(str(os.getpid()))
@@ -44,8 +44,15 @@ def hindrance() -> str:
     return find_hindrance()
 
 
-HINDRANCE = hindrance()
-pytestmark = [pytest.mark.slow, pytest.mark.skipif(bool(HINDRANCE), reason=HINDRANCE)]
+pytestmark = [pytest.mark.slow, pytest.mark.slurm]
+
+
+@pytest.fixture(autouse=True, scope="module")
+def wanted(request):
+    if "slurm" not in request.config.getoption("markexpr"):
+        pytest.skip("bin/test -m slurm runs them")
+    if why := hindrance():
+        pytest.skip(why)
 
 
 @pytest.fixture
