@@ -281,7 +281,7 @@ SLOW = {"calibrate", "picture", "rings", "figure", "synthetic"}
 SLOW |= {step for step in COMMANDS if step.startswith("colmap")}
 QUICK = set(COMMANDS) - SLOW
 # What they write is only tried here: they need a whole run, photographs to train on, a registry.
-ELSEWHERE = {"report", "conclude", "train", "fetch_weights"}
+ELSEWHERE = {"report", "unfinished", "conclude", "train", "fetch", "fetch_weights"}
 WRITTEN = {
     output_file: (*surroundings.NEW, *surroundings.FILES[:3]),
     output_folder: (*surroundings.NEW, surroundings.empty_folder),

@@ -10,6 +10,7 @@ rule fetch:
     log:
         "logs/fetch/{remote}.log",
     priority: 20
+    localrule: True
     params:
         source=lambda w: plan.address(w.remote).text,
     message:

@@ -57,7 +57,8 @@ def submit(script: Path) -> str:
     lacking = [name for name in MEANING if not os.environ.get(name)]
     if lacking:
         raise InputError(f"{lacking[0]} is not set; should name {MEANING[lacking[0]]}")
-    (line, *_) = [line for line in script.read_text().splitlines() if line.startswith(PROPERTIES)]
+    lines = script.read_text(encoding="utf-8").splitlines()
+    (line, *_) = [line for line in lines if line.startswith(PROPERTIES)]
     job = describe_job(script, json.loads(line.removeprefix(PROPERTIES)), os.environ)
     said = _kubectl("create", "-f", "-", "-o", "name", given=json.dumps(job))
     if said.returncode:
@@ -120,7 +121,11 @@ def find_status(name: str) -> str:
 def _kubectl(*words: str, given: str | None = None) -> subprocess.CompletedProcess[str]:
     try:
         return subprocess.run(
-            ["kubectl", *words], input=given, capture_output=True, text=True, timeout=PATIENCE
+            ["kubectl", *words],
+            input=given,
+            capture_output=True,
+            encoding="utf-8",
+            timeout=PATIENCE,
         )
     except OSError as error:
         raise InputError(f"kubectl: {error.strerror}") from error

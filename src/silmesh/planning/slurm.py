@@ -68,7 +68,7 @@ def _minutes(limit: re.Match[str]) -> int:
 
 def _ask(*words: str) -> subprocess.CompletedProcess[str]:
     try:
-        return subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE)
+        return subprocess.run(words, capture_output=True, encoding="utf-8", timeout=PATIENCE)
     except OSError as error:
         raise InputError(f"{words[0]}: {error.strerror}; is SLURM on this machine?") from error
     except subprocess.TimeoutExpired as error:

@@ -21,13 +21,13 @@ TO_MB = 1e-6 * (1 if sys.platform == "darwin" else 1024)  # of ru_maxrss, whose 
 
 @dataclass(frozen=True)
 class Usage:
-    """Of a process from its start, or a fork's from its own.
+    """Of a process, or of a fork from where it began.
 
     Attributes:
         processor: seconds of all its threads, and of processes that it has waited for
         memory: MB, the most at any moment, with what a fork shares with others
         gpu: MB that torch had of a GPU, likewise
-        seconds: on the clock
+        seconds: on the clock, since the libraries are loaded
     """
 
     processor: float
@@ -49,8 +49,21 @@ def measure_usage(began: float) -> Usage:
     """
     own, others = map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     processor = sum(part.ru_utime + part.ru_stime for part in (own, others))
-    memory = TO_MB * max(own.ru_maxrss, others.ru_maxrss)
+    memory = max(_read_peak() or TO_MB * own.ru_maxrss, TO_MB * others.ru_maxrss)
     return Usage(processor, memory, _measure_gpu(), time.monotonic() - began)
+
+
+def _read_peak() -> float:
+    """MB, the most that this process had, as Linux tells; 0 elsewhere.
+
+    What ``getrusage`` says of a process counts that of the one which started it, too.
+    """
+    try:
+        status = Path("/proc/self/status").read_text(encoding="ascii", errors="replace")
+    except OSError:
+        return 0.0
+    found = re.search(r"^VmHWM:\s+(\d+) kB$", status, re.M)
+    return 1.024e-3 * int(found[1]) if found else 0.0
 
 
 def read_usage(log: Path) -> Usage | None:

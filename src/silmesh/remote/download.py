@@ -79,7 +79,7 @@ def _go_on(source: Source, part: Path, progress: Share) -> None:
     if answer.start == 0:
         part.unlink(missing_ok=True)  # first: its bytes are of another version
         known.write_text(answer.version, encoding="utf-8")
-    with _naming(part), open(part, "r+b" if answer.start else "wb") as opened:
+    with _naming(part), part.open("r+b" if answer.start else "wb") as opened:
         opened.seek(answer.start)
         for piece in answer.pieces:
             opened.write(piece)
