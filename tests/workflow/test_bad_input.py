@@ -150,8 +150,7 @@ def test_a_second_objects_mistake_is_found_before_the_first_ones_fit(fresh):
     fresh.add_object("jug")
     overwrite(fresh / "photos/mask2/jug/jug_r90.png")
     said = refusal(fresh, cores=1)
-    assert "jug_r90.png" in message(said)
-    assert not (fresh / "logs/fit").exists()
+    assert "jug_r90.png" in said[: said.index(": fitting")]
 
 
 @pytest.mark.parametrize(
@@ -207,8 +206,8 @@ def test_a_truth_that_is_no_mesh_is_found_before_the_fit(fresh):
     (fresh / "config/true.ply").write_text("nonsense")
     fresh.edit("config/datasets.tsv", "turntable\tvariants", "turntable\ttruth")
     fresh.edit("config/datasets.tsv", "2.732,0,90\t", "2.732,0,90\ttrue.ply")
-    assert "config/true.ply: cannot be read as a mesh" in message(refusal(fresh, cores=1))
-    assert not (fresh / "logs/fit").exists()
+    said = refusal(fresh, cores=1)
+    assert "config/true.ply: cannot be read as a mesh" in said[: said.index(": fitting")]
 
 
 def test_what_no_variant_makes(fresh):
