@@ -171,9 +171,10 @@ def where(file, input):
     """Where a step reads a file: what is made may lie in a store, and is read from its copy here."""
     if not is_made(file):
         return str(file)
-    whole = str(fetched_folder(file) or file)
-    copy = next((str(i) for i in input if f"/{i}".endswith(f"/{whole}")), whole)
-    return copy + str(file).removeprefix(whole)
+    whole = fetched_folder(file) or file
+    last = len(whole.parts)
+    copies = (str(given) for given in input if Path(given).parts[-last:] == whole.parts)
+    return next(copies, str(whole)) + str(file).removeprefix(str(whole))
 
 
 def fewest_photographs(wildcards):
