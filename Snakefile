@@ -96,10 +96,8 @@ onstart:
             try_queue()
         begin_run()
         write_report_plan()
-    except (
-        BusyError,
-        InputError,
-    ) as error:  # said at once: an executor's end may take a while
+    except (BusyError, InputError) as error:
+        # Said at once: an executor's end may take a while.
         print(f"silmesh: {error}", file=sys.stderr, flush=True)
         sys.exit(1)
     except OSError as error:

@@ -1,13 +1,14 @@
 """What each page of the report begins and ends with: the overview, and what its numbers mean."""
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
 from pathlib import Path
 from platform import python_version
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 from PIL import Image
 
 from silmesh.geometry.thresholds import COHERENT
@@ -37,13 +38,7 @@ def render(
         settings: as ``write_page`` takes them
         told: what else the template asks for
     """
-    page = Environment(
-        loader=PackageLoader("silmesh.report", "."),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    ).get_template(template)
+    page = _read_template(template)
     shown = [key for key in TRUTH if any(v.get(key) is not None for v in metrics.values())]
     return page.render(
         objects=objects,
@@ -60,6 +55,18 @@ def render(
     )
 
 
+@cache  # a report of many objects has as many pages
+def _read_template(name: str) -> Template:
+    return Environment(
+        loader=PackageLoader("silmesh.report", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    ).get_template(name)
+
+
+@cache
 def read_part(name: str) -> str:
     """A file of this package, as text."""
     return files("silmesh.report").joinpath(name).read_text(encoding="utf-8")

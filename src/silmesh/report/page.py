@@ -8,6 +8,7 @@ the object is opened; so do the libraries. See ``parts.py`` for what the page is
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -131,8 +132,13 @@ def write_page(
         unfinished=unfinished,
         index=index,
         beside="the report" if index else "this page",
-        libraries={name: pack(read_part(file).encode()) for name, file in LIBRARIES.items()},
+        libraries=_pack_libraries(),
     )
+
+
+@cache  # a report of many objects has as many pages
+def _pack_libraries() -> dict[str, str]:
+    return {name: pack(read_part(file).encode()) for name, file in LIBRARIES.items()}
 
 
 def _describe_object(
