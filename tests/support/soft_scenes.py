@@ -67,3 +67,10 @@ def find_outlier_views(points, faces, size, sigma):
 
         doubtful.append(render_tiles(near_cutoff, size, triangles))
     return torch.stack(doubtful)
+
+
+def check_gradient(gradient: torch.Tensor, true: torch.Tensor) -> None:
+    """Fail if a kernel's gradient is farther from the reference's than float32 explains."""
+    error = (gradient - true).abs()
+    assert (error <= 1e-4 * true.abs() + 5e-5 * true.abs().max()).all()
+    assert error.norm() < 1e-4 * true.norm()
