@@ -39,7 +39,7 @@ def shared_cores(step):
 @cache
 def megapixels(object_):
     """Of an object's working images, the largest that a run of it has."""
-    runs = [run for run in plan.runs if run.dataset.object == object_]
+    runs = plan.runs_of(object_)
     views = len(runs[0].dataset.images)
     return views * max(run.settings.views.size for run in runs) ** 2 / 1e6
 
@@ -72,6 +72,17 @@ def gpus_there():
         return "SLURM_GPUS" in os.environ
     most = given_gpus and given_gpus.value
     return on_slurm() and has_gpus() if most is None else most > 0
+
+
+def let_jobs_start():
+    """Lift the limit on jobs a second, if it is Snakemake's own.
+
+    For that limit it looks at all jobs that are ready again a second after each look: with each job
+    that has ended once a second more, until it does little else.
+    """
+    limit = workflow.scheduling_settings.max_jobs_per_timespan
+    if limit and (limit.max_jobs, limit.timespan) == (100, 1):
+        workflow.scheduler.job_rate_limiter = None
 
 
 def on_slurm():
@@ -429,7 +440,11 @@ def training_files():
 
 def shown_runs():
     """The runs that are shown: the first replicates."""
-    return [run for run in plan.runs if run.member.replicate == 1]
+    return _shown(plan.runs)
+
+
+def _shown(runs):
+    return [run for run in runs if run.member.replicate == 1]
 
 
 def many_shown():
@@ -439,23 +454,22 @@ def many_shown():
 
 def experiments_of(object_):
     """The experiment that each run of an object repeats."""
-    runs = [run for run in plan.runs if run.dataset.object == object_]
-    return [run.member.experiment for run in runs]
+    return [run.member.experiment for run in plan.runs_of(object_)]
 
 
 def runs_of(object_, path):
     """A path of each run of an object."""
-    return [_fill(path, run) for run in plan.runs if run.dataset.object == object_]
+    return [_fill(path, run) for run in plan.runs_of(object_)]
 
 
 def shown_of(object_, path):
     """A path of each run of an object that is shown."""
-    return [_fill(path, run) for run in shown_runs() if run.dataset.object == object_]
+    return [_fill(path, run) for run in _shown(plan.runs_of(object_))]
 
 
 def scenes_of(object_):
     """The scene that each run of an object is fitted to, of those that are shown."""
-    return [fitted_scene(run) for run in shown_runs() if run.dataset.object == object_]
+    return [fitted_scene(run) for run in _shown(plan.runs_of(object_))]
 
 
 def every_run(path):
@@ -493,7 +507,7 @@ def published_arguments(object_):
     """The arguments that name the published curves of an object's variants."""
     if not plan.config.published:
         return ""
-    names = [run.published for run in shown_runs() if run.dataset.object == object_]
+    names = [run.published for run in _shown(plan.runs_of(object_))]
     return f"--published {quote(str(plan.config.published))} --curves {' '.join(names)}"
 
 

@@ -321,7 +321,7 @@ class Plan:
         self.config = parse_config(values, where)
         _refuse_lacking_curves(self.config, where)
         datasets = read_datasets(self.config.datasets)
-        self.runs = [run for dataset in datasets for run in self._runs_of(dataset, where)]
+        self.runs = [run for dataset in datasets for run in self._decide_all(dataset, where)]
         for run in self.runs:
             refuse_infeasible(run, where)
         self.afar = {address.key: address for one in datasets for address in one.afar}
@@ -329,7 +329,7 @@ class Plan:
         self.trained_on = _to_train_on(datasets, self.config, where)
         self._having = _index(self.runs)
 
-    def _runs_of(self, dataset: Dataset, where: str) -> list[Run]:
+    def _decide_all(self, dataset: Dataset, where: str) -> list[Run]:
         """The runs of an object: each member of the variants that its row names."""
         written = dict.fromkeys(member.written for member in self.members)
         for name in dataset.variants:
@@ -365,9 +365,13 @@ class Plan:
         """The run of an object with a variant."""
         return self._find(object_, "variant", variant)[0]
 
+    def runs_of(self, object_: str) -> list[Run]:
+        """The runs of an object."""
+        return self._find(object_, "object", object_)
+
     def of_object(self, object_: str) -> Dataset:
         """The row of an object."""
-        return self._find(object_, "object", object_)[0].dataset
+        return self.runs_of(object_)[0].dataset
 
     def address(self, key: str) -> Address:
         """The address of an input from afar, by the name of its folder."""

@@ -1,0 +1,36 @@
+"""How often Snakemake looks for jobs to start: when one has ended, not every second."""
+
+import shutil
+
+RUNS = ("round", "boxed")
+
+
+def look(project, *arguments: str) -> tuple[int, int]:
+    """How often it looked for jobs while it made the runs anew, and how many these were."""
+    for run in RUNS:
+        shutil.rmtree(project / f"results/cup/{run}")
+    wanted = [f"results/cup/{run}/mesh.glb" for run in RUNS]
+    said = project.run("--verbose", *arguments, *wanted, cores=1)  # one fit waits for the other
+    return said.count("Ready jobs"), said.count("Finished job")
+
+
+def test_it_looks_when_a_job_has_ended(project):
+    project.edit("src/silmesh/steps/fit.py", "    given = _parse(argv)\n", SLOW)
+    looks, jobs = look(project)
+    assert jobs == 4
+    assert looks <= jobs + 1, "once at the start, and once after each job"
+
+
+def test_a_limit_that_a_person_gives_is_kept(project):
+    project.edit("src/silmesh/steps/fit.py", "    given = _parse(argv)\n", SLOW)
+    looks, jobs = look(project, "--max-jobs-per-timespan", "1/1s")
+    assert jobs == 4
+    assert looks > jobs + 1
+
+
+SLOW = """\
+    import time
+
+    time.sleep(3)
+    given = _parse(argv)
+"""
