@@ -305,9 +305,16 @@ def _confirm(small: Sequence[Fit], full: Sequence[Fit]) -> list[str]:
         if there.issuperset(pair)
     }
     steps = max(len(fit.loss) for fit in full)
+    replicates = max(fit.replicate for fit in full)
     return [
         "",
         "## Do 256 pixels and 2,000 steps tell the same?",
+        "",
+        "```sh",
+        f"bin/run --configfile config/benchmark-full.yaml --config replicates={replicates} \\",
+        "    datasets=<a table of some of its rows>",
+        "python benchmarks/findings.py --results results --full <the results of that>",
+        "```",
         "",
         f"`config/benchmark-full.yaml` on {', '.join(objects)}: {len(full)} fits of {steps:,} "
         f"steps, {sum(fit.seconds[-1] for fit in full) / 60:,.0f} minutes of fitting. "
@@ -329,9 +336,12 @@ def _say_agreement(found: Iterable[Sequence[dict[str, tuple[float, float]]]]) ->
     differ = (np.abs(both) > TIE).all(axis=1)
     alike = differ & (np.sign(both[:, 0]) == np.sign(both[:, 1]))
     (final, mean), (finals, means) = alike.sum(axis=0), differ.sum(axis=0)
+    (ours, ours_mean), (theirs, theirs_mean) = np.median(np.abs(both), axis=0)
     return (
         f"Where both differ by more than {TIE}, they have the same sign in {final} of {finals} "
-        f"final losses and {mean} of {means} mean losses."
+        f"final losses and {mean} of {means} mean losses. How large they are is another matter: the "
+        f"median difference of final loss is {ours:.3f} in the small one and {theirs:.3f} in the "
+        f"full one, of mean loss {ours_mean:.3f} and {theirs_mean:.3f}."
     )
 
 
