@@ -144,6 +144,7 @@ include: "workflow/rules/cameras.smk"
 include: "workflow/rules/colmap.smk"
 include: "workflow/rules/scene.smk"
 include: "workflow/rules/judge.smk"
+include: "workflow/rules/gallery.smk"
 include: "workflow/rules/truth.smk"
 include: "workflow/rules/train.smk"
 include: "workflow/rules/initial.smk"
@@ -153,6 +154,12 @@ include: "workflow/rules/colour.smk"
 include: "workflow/rules/texture.smk"
 include: "workflow/rules/evaluate.smk"
 include: "workflow/rules/report.smk"
+
+
+# Rules stand in the order in which they need each other. Of jobs that are ready the last goes first, so
+# that one object is finished before the next is begun, and what fails does so early.
+for place, made_by in enumerate(workflow.rules):
+    made_by.priority = place
 
 
 # Snakemake asks for a function's parameters again for every job, and Python finds them anew each

@@ -1,5 +1,7 @@
-"""How often Snakemake looks for jobs to start: when one has ended, not every second."""
+"""When Snakemake looks for jobs to start, and which it takes first."""
 
+import itertools
+import re
 import shutil
 
 RUNS = ("round", "boxed")
@@ -26,6 +28,14 @@ def test_a_limit_that_a_person_gives_is_kept(project):
     looks, jobs = look(project, "--max-jobs-per-timespan", "1/1s")
     assert jobs == 4
     assert looks > jobs + 1
+
+
+def test_an_object_is_finished_before_the_next_is_begun(fresh):
+    fresh.add_object("jug", (22, 15))
+    said = fresh.run(cores=1)
+    objects = re.findall(r"^Job \d+: (cup|jug)\b", said, re.M)
+    assert len(objects) > 20
+    assert len(list(itertools.groupby(objects))) == 2
 
 
 SLOW = """\
