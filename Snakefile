@@ -156,10 +156,12 @@ include: "workflow/rules/evaluate.smk"
 include: "workflow/rules/report.smk"
 
 
-# Rules stand in the order in which they need each other. Of jobs that are ready the last goes first, so
-# that one object is finished before the next is begun, and what fails does so early.
+# What reads a person's files goes first, of all objects, since it finds most mistakes. The other rules
+# stand in the order in which they need each other, and of jobs that are ready the last goes first: one
+# object is finished before the next is begun.
+READERS = ("synthetic", "fetch", "views", "silhouettes")
 for place, made_by in enumerate(workflow.rules):
-    made_by.priority = place
+    made_by.priority = place + 1000 * (made_by.name in READERS)
 
 
 # Snakemake asks for a function's parameters again for every job, and Python finds them anew each

@@ -30,12 +30,15 @@ def test_a_limit_that_a_person_gives_is_kept(project):
     assert looks > jobs + 1
 
 
-def test_an_object_is_finished_before_the_next_is_begun(fresh):
+def test_files_are_read_first_then_one_object_is_finished_after_the_other(fresh):
     fresh.add_object("jug", (22, 15))
     said = fresh.run(cores=1)
-    objects = re.findall(r"^Job \d+: (cup|jug)\b", said, re.M)
-    assert len(objects) > 20
-    assert len(list(itertools.groupby(objects))) == 2
+    jobs = re.findall(r"^Job \d+: (cup|jug)\S* (.+)", said, re.M)
+    read = [what.startswith(("resizing", "finding silhouettes")) for _, what in jobs]
+    assert len(jobs) > 20
+    assert read == sorted(read, reverse=True)
+    assert sum(read) == 4
+    assert len(list(itertools.groupby(object_ for object_, _ in jobs[4:]))) == 2
 
 
 SLOW = """\
