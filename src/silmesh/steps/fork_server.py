@@ -1,11 +1,11 @@
 """A process that has loaded the slow libraries and runs every step in a fork of itself.
 
 Torch and what comes with it take a step two seconds to load, as long as many a step's work. So the
-Snakefile starts one process beside the run, which loads them once and forks for each step. The fork
-begins at once, loads this package's own code anew, and has the arguments, folder, environment and
-streams of the process that asked; that one waits, and ends as the fork ends. Where nothing answers,
-as on another machine or in a container, the step runs where it was asked for. Its results are the
-same to the byte.
+Snakefile starts one process beside the run, which loads them, and the steps' own code, once and
+forks for each step. The fork begins at once, and has the arguments, folder, environment and streams
+of the process that asked; that one waits, and ends as the fork ends. Where nothing answers, as on
+another machine or in a container, the step runs where it was asked for. Its results are the same to
+the byte.
 
 The process ends with the one that started it; a fork with the one that asked for it, with the
 process that it is a fork of, and with the run whose step it is. Anyone on the machine may call a
@@ -40,8 +40,14 @@ LIBRARIES = (  # are loaded before the first fork
     "scipy.sparse.linalg",
     "trimesh",
 )
-# Are loaded one by one while no step is asked for.
-LATER_LIBRARIES = ("skimage.measure", "scipy.stats", "matplotlib.figure", "pandas")
+# Are loaded one by one after that, whenever no step is asked for: what the first steps need first.
+LATER = (
+    *("silmesh.steps.views", "silmesh.steps.silhouettes", "silmesh.steps.calibrate"),
+    *("silmesh.steps.scene", "skimage.measure", "silmesh.steps.judge", "silmesh.steps.initial"),
+    *("silmesh.steps.fit", "silmesh.steps.colour", "silmesh.steps.evaluate", "scipy.stats"),
+    *("matplotlib.figure", "silmesh.steps.picture", "pandas", "silmesh.steps.figure"),
+    *("silmesh.steps.gallery", "silmesh.steps.rings"),
+)
 NAME = "SILMESH_FORK_SERVER"  # the environment variable that holds the name of its socket
 # OpenBLAS reads this once, as it is loaded; the last bits of results depend on it.
 ALONE = {"OPENBLAS_NUM_THREADS": "1"}
@@ -122,15 +128,16 @@ class _Forks:
 
     def serve(self, parent: int) -> socket.socket | None:
         """Until the parent and all forks have ended; in a fork, its line to who asked for it."""
-        waiting = iter(
-            [*(partial(importlib.import_module, m) for m in LATER_LIBRARIES), _call_numba]
-        )
+        waiting = iter([*(partial(importlib.import_module, m) for m in LATER), _call_numba])
+        loaded = False
         while os.getppid() == parent or self._lines:
-            events = self._events.poll(LOOK)
+            events = self._events.poll(LOOK if loaded else 0)
             for file, _ in events[:1]:  # one alone: it may undo the next
                 self._acts[file]()
-            if not events and (load := next(waiting, None)):
-                load()
+            if not events and not loaded:
+                load = next(waiting, None)
+                loaded = load is None
+                (load or gc.freeze)()
             if self._line:
                 return self._line
         return None
@@ -234,8 +241,9 @@ def _take_over(line: socket.socket) -> tuple[str, list[str]]:
 
 
 def _run_here(step: str, arguments: Sequence[str]) -> None:
-    sys.argv[1:] = arguments
-    runpy.run_module(f"silmesh.steps.{step}", run_name="__main__", alter_sys=True)
+    sys.argv[1:], module = arguments, f"silmesh.steps.{step}"
+    sys.modules.pop(module, None)  # runpy warns of one that is loaded
+    runpy.run_module(module, run_name="__main__", alter_sys=True)
 
 
 if __name__ == "__main__":
