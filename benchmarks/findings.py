@@ -339,9 +339,9 @@ def _say_agreement(found: Iterable[Sequence[dict[str, tuple[float, float]]]]) ->
     (ours, ours_mean), (theirs, theirs_mean) = np.median(np.abs(both), axis=0)
     return (
         f"Where both differ by more than {TIE}, they have the same sign in {final} of {finals} "
-        f"final losses and {mean} of {means} mean losses. How large they are is another matter: the "
-        f"median difference of final loss is {ours:.3f} in the small one and {theirs:.3f} in the "
-        f"full one, of mean loss {ours_mean:.3f} and {theirs_mean:.3f}."
+        f"final losses and {mean} of {means} mean losses. How large they are is another matter: "
+        f"the median difference of final loss is {ours:.3f} in the small one and {theirs:.3f} in "
+        f"the full one, of mean loss {ours_mean:.3f} and {theirs_mean:.3f}."
     )
 
 
