@@ -32,7 +32,7 @@ from silmesh.views import find_images
 
 SIZE, STEPS, MARGIN = 256, (0, 100, 200), 40  # pixels, steps, pixels
 DISTANCE, TURN = 2.732, 5.0  # of the report's cameras, degrees between them
-SHIFTS = (0.0, 0.5, 1.0)  # pixels
+SHIFTS = (0.0, 0.5, 1.0, 3.0)  # pixels
 SPHERES = {"uninitialised": ("sphere_1352.obj", False), "initialised": ("sphere_1922.obj", True)}
 OTHERS = {
     "edges of 0 and 1": {"hard": True},
