@@ -438,12 +438,8 @@ def training_files():
 # Pictures are made of the first replicate of each experiment, and numbers of all.
 
 
-def shown_runs():
-    """The runs that are shown: the first replicates."""
-    return _shown(plan.runs)
-
-
-def _shown(runs):
+def shown(runs):
+    """Those that are shown: the first replicates."""
     return [run for run in runs if run.member.replicate == 1]
 
 
@@ -464,12 +460,12 @@ def runs_of(object_, path):
 
 def shown_of(object_, path):
     """A path of each run of an object that is shown."""
-    return [_fill(path, run) for run in _shown(plan.runs_of(object_))]
+    return [_fill(path, run) for run in shown(plan.runs_of(object_))]
 
 
 def scenes_of(object_):
     """The scene that each run of an object is fitted to, of those that are shown."""
-    return [fitted_scene(run) for run in _shown(plan.runs_of(object_))]
+    return [fitted_scene(run) for run in shown(plan.runs_of(object_))]
 
 
 def every_run(path):
@@ -484,7 +480,7 @@ def every_textured(path):
 
 def every_shown(path):
     """A path of each run that is shown, once."""
-    return list(dict.fromkeys(_fill(path, run) for run in shown_runs()))
+    return list(dict.fromkeys(_fill(path, run) for run in shown(plan.runs)))
 
 
 def _fill(path, run):
@@ -507,7 +503,7 @@ def published_arguments(object_):
     """The arguments that name the published curves of an object's variants."""
     if not plan.config.published:
         return ""
-    names = [run.published for run in _shown(plan.runs_of(object_))]
+    names = [run.published for run in shown(plan.runs_of(object_))]
     return f"--published {quote(str(plan.config.published))} --curves {' '.join(names)}"
 
 

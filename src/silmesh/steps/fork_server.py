@@ -24,6 +24,7 @@ import socket
 import struct
 import subprocess
 import sys
+from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
@@ -128,16 +129,14 @@ class _Forks:
 
     def serve(self, parent: int) -> socket.socket | None:
         """Until the parent and all forks have ended; in a fork, its line to who asked for it."""
-        waiting = iter([*(partial(importlib.import_module, m) for m in LATER), _call_numba])
-        loaded = False
+        loads = (partial(importlib.import_module, module) for module in LATER)
+        waiting = deque([*loads, _call_numba, gc.freeze])
         while os.getppid() == parent or self._lines:
-            events = self._events.poll(LOOK if loaded else 0)
+            events = self._events.poll(0 if waiting else LOOK)
             for file, _ in events[:1]:  # one alone: it may undo the next
                 self._acts[file]()
-            if not events and not loaded:
-                load = next(waiting, None)
-                loaded = load is None
-                (load or gc.freeze)()
+            if not events and waiting:
+                waiting.popleft()()
             if self._line:
                 return self._line
         return None
