@@ -12,6 +12,7 @@ process that it is a fork of, and with the run whose step it is. Anyone on the m
 name or answer to it, so each end asks the kernel who is at the other.
 """
 
+import atexit
 import gc
 import importlib
 import json
@@ -103,6 +104,8 @@ def run_step(step: str, arguments: Sequence[str]) -> int:
 def main() -> None:
     """Load, wait, and be the step in each fork."""
     name, parent = os.environ.pop(NAME), os.getppid()
+    done: list[str] = []
+    atexit.register(_leave, done)  # the first to be registered is the last to be called
     for library in LIBRARIES:
         importlib.import_module(library)
     gc.freeze()  # what the forks share is not looked through in them, so not copied
@@ -114,6 +117,7 @@ def main() -> None:
         step, arguments = _take_over(line)
         join_run()
         _run_here(step, arguments)
+        done.append(step)
 
 
 class _Forks:
@@ -184,6 +188,18 @@ class _Forks:
 def _call_numba() -> None:
     """Make numba look through its registries, which takes its first call 0.3 s in each fork."""
     importlib.import_module("numba").njit(lambda x: x)(0)
+
+
+def _leave(done: Sequence[str]) -> None:
+    """End a fork whose step ended well, and leave its memory to the kernel.
+
+    Python would take apart, object by object, what the fork shares with the process that waits: the
+    kernel copies each page that this writes to, which takes as long as many a step's work.
+    """
+    if done:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(0)
 
 
 def _ask(line: socket.socket, step: str, arguments: Sequence[str]) -> int:
