@@ -243,9 +243,13 @@ def reconstruct(
     files, notes, video = _find_files(photographs, beside, bool(sets))
     longest = find_longest(files) if detail != NORMAL else 0
     chosen = choose_detail(detail, longest, len(files), size, preset=preset).settings
-    named = {"views": chosen["views"], "init": {"shape": init}, "quality": {"policy": quality}}
-    named["fit"] = {**name_fit(preset, photometric), **chosen.get("fit", {})}
-    named["texture"] = {"size": texture}
+    named = {
+        "views": chosen["views"],
+        "init": {"shape": init},
+        "quality": {"policy": quality},
+        "fit": {**name_fit(preset, photometric), **chosen.get("fit", {})},
+        "texture": {"size": texture},
+    }
     sections = _check_sections(settings or {}, named)
     wanted = _check("texture", sections["texture"])
     known = _read_truth(truth)  # before the work

@@ -155,14 +155,7 @@ def _describe_object(
     ``shares``: how many objects there are, bytes of a still, bytes of a texture.
     """
     chosen = {variant: run_settings(object_, variant, settings) for variant in results}
-    thinned = {
-        name: _thin_gallery(
-            gallery,
-            [r.exhibit["outlines"] for r in results.values() if r.gallery == name],
-            shares[0],
-        )
-        for name, gallery in galleries.items()
-    }
+    thinned = _thin_galleries(galleries, results, shares[0])
     runs = [
         _describe_run(variant, result, order)
         | {
@@ -190,15 +183,7 @@ def _describe_object(
         "truths": [] if truth is None else _tell_truths(results),
         "shown": {name: len(g["views"]) for name, g in thinned.items()},
         "views": {name: len(galleries[name]["views"]) for name in thinned},
-        "data": pack_json(
-            {
-                "galleries": thinned,
-                "runs": [
-                    _describe_data(variant, result, thinned[result.gallery], truth)
-                    for variant, result in results.items()
-                ],
-            }
-        ),
+        "data": _pack_data(results, thinned, truth),
     }
 
 
@@ -240,12 +225,30 @@ def _group_incoherent(results: Mapping[str, Result]) -> dict[tuple[str, str | No
     return groups
 
 
-def _thin_gallery(
-    gallery: Mapping[str, Any], outlines: Sequence[Mapping[str, str]], objects: int
-) -> dict[str, Any]:
-    """A gallery of the views that there is room for."""
-    views = gallery["views"]
-    return {**gallery, "views": [views[i] for i in choose_views(views, outlines, objects)]}
+def _thin_galleries(
+    galleries: Mapping[str, Mapping[str, Any]], results: Mapping[str, Result], objects: int
+) -> dict[str, dict[str, Any]]:
+    """The galleries, of the views that there is room for."""
+    thinned = {}
+    for name, gallery in galleries.items():
+        views = gallery["views"]
+        outlines = [r.exhibit["outlines"] for r in results.values() if r.gallery == name]
+        shown = [views[i] for i in choose_views(views, outlines, objects)]
+        thinned[name] = {**gallery, "views": shown}
+    return thinned
+
+
+def _pack_data(
+    results: Mapping[str, Result],
+    galleries: Mapping[str, Mapping[str, Any]],
+    truth: trimesh.Trimesh | None,
+) -> str:
+    """What the scripts draw of an object, packed."""
+    runs = [
+        _describe_data(variant, result, galleries[result.gallery], truth)
+        for variant, result in results.items()
+    ]
+    return pack_json({"galleries": galleries, "runs": runs})
 
 
 def _describe_data(

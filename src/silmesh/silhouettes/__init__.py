@@ -104,27 +104,17 @@ def find_silhouettes(
     size = views[0].size if views else 0
     kept = np.zeros((len(views), size, size), bool)
     for done, (view, file, silhouette) in enumerate(zip(views, files, found, strict=True), start=1):
-        if isinstance(silhouette, mask.SeveralValuesError):
-            raise silhouette
-        if isinstance(silhouette, InputError):
-            wrong = str(silhouette)
-            what = "photograph" if view.unreadable else source
-            lost[view.view] = f"its {what} cannot be used"
-            if not spare:
-                raise InputError(f"{wrong}. {GO_ON}")
-        else:
-            wrong = _describe_wrong(silhouette, view, source, file)
-            if wrong and silhouette.any():
-                lost[view.view] = FULL
+        wrong, cost = _find_fault(silhouette, view, source, file, spare)
+        if cost:
+            lost[view.view] = cost
         if wrong:
             spared.append(wrong)
             _refuse_wrong(spared, len(views), spare)
-        elif source in GIVEN and (share := _edge(silhouette, view).mean()) > AROUND:
-            around[done - 1] = (
-                f"{_where(view, source, file)} {_say_inverted(f'border to {share:.0%}')}"
-            )
-        if not wrong:
+        else:
             kept[done - 1] = silhouette
+            if source in GIVEN and (share := _edge(silhouette, view).mean()) > AROUND:
+                inverted = _say_inverted(f"border to {share:.0%}")
+                around[done - 1] = f"{_where(view, source, file)} {inverted}"
         progress(done)
     for place, wrong in around.items() if 2 * len(around) > len(views) else ():
         spared.append(wrong)  # a few are of photographs taken near, which the object nearly fills
@@ -132,6 +122,21 @@ def find_silhouettes(
         lost[views[place].view] = FULL
         kept[place] = False
     return Found(kept, spared, lost)
+
+
+def _find_fault(
+    silhouette: np.ndarray | InputError, view: View, source: str, file: Path | None, spare: bool
+) -> tuple[str, str]:
+    """What is wrong with what was found of a view, and what the view loses by it; "" for nothing."""
+    if isinstance(silhouette, mask.SeveralValuesError):
+        raise silhouette
+    if isinstance(silhouette, InputError):
+        if not spare:
+            raise InputError(f"{silhouette}. {GO_ON}")
+        what = "photograph" if view.unreadable else source
+        return str(silhouette), f"its {what} cannot be used"
+    wrong = _describe_wrong(silhouette, view, source, file)
+    return wrong, FULL if wrong and silhouette.any() else ""
 
 
 def _refuse_wrong(wrong: Sequence[str], views: int, spare: bool) -> None:
@@ -245,8 +250,8 @@ def _decode(path: Path) -> np.ndarray:
 
 def _describe_wrong(
     silhouette: np.ndarray, view: View, source: str, file: Path | None
-) -> str | None:
-    """What forbids to use a silhouette, or None."""
+) -> str:
+    """What forbids to use a silhouette; "" for nothing."""
     where = _where(view, source, file)
     inside = silhouette[view.top : view.bottom, view.left : view.right]
     if not inside.any():
@@ -255,7 +260,7 @@ def _describe_wrong(
         return f"{where} fills the photograph; the background should show around it"
     if _edge(silhouette, view).all():
         return f"{where} {_say_inverted('border all around')}"
-    return None
+    return ""
 
 
 def _where(view: View, source: str, file: Path | None) -> str:
