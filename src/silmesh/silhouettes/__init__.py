@@ -127,7 +127,7 @@ def find_silhouettes(
 def _find_fault(
     silhouette: np.ndarray | InputError, view: View, source: str, file: Path | None, spare: bool
 ) -> tuple[str, str]:
-    """What is wrong with what was found of a view, and what the view loses by it; "" for nothing."""
+    """What is wrong with what was found of a view, and what the view loses by it; "" for none."""
     if isinstance(silhouette, mask.SeveralValuesError):
         raise silhouette
     if isinstance(silhouette, InputError):
@@ -248,9 +248,7 @@ def _decode(path: Path) -> np.ndarray:
         return np.asarray(image.getchannel("A")) > 127
 
 
-def _describe_wrong(
-    silhouette: np.ndarray, view: View, source: str, file: Path | None
-) -> str:
+def _describe_wrong(silhouette: np.ndarray, view: View, source: str, file: Path | None) -> str:
     """What forbids to use a silhouette; "" for nothing."""
     where = _where(view, source, file)
     inside = silhouette[view.top : view.bottom, view.left : view.right]
