@@ -44,7 +44,7 @@ rule calibrate:
     benchmark:
         "logs/cameras/{object}-{views}-{source}-{calibration}.tsv"
     priority: 10
-    threads: needs["calibrate"].threads
+    threads: object_cores("calibrate")
     resources:
         **resources("calibrate"),
     params:

@@ -86,7 +86,7 @@ rule colmap:
     log:
         "logs/colmap/{object}-{views}-{source}-{digest}.log",
     priority: 10
-    threads: needs["colmap"].threads
+    threads: object_cores("colmap")
     resources:
         **resources("colmap"),
     params:
@@ -111,7 +111,7 @@ rule colmap_masked:
     log:
         "logs/colmap/{object}-{views}-{source}-{masks}-{digest}.log",
     priority: 10
-    threads: needs["colmap_masked"].threads
+    threads: object_cores("colmap_masked")
     resources:
         **resources("colmap_masked"),
     params:

@@ -16,6 +16,7 @@ PAGES = "results/report/objects"  # of the objects, if they are many
 UNFINISHED = "results/report/unfinished.html"
 
 needs = read_needs(Path(workflow.source_path("../needs.tsv")))
+object_count = len({run.dataset.object for run in plan.runs})
 # Before Snakemake puts in a limit of its own.
 given_gpus = workflow.global_resources.get("gpu")
 
@@ -34,6 +35,13 @@ def shared_cores(step):
     """The threads of a step of a run, which here has its share of the cores."""
     share = lambda: max(1, workflow.cores // len(plan.runs))
     return lambda _: needs[step].threads if on_cluster() else share()
+
+
+def object_cores(step):
+    """The threads of a step of an object, which here has its share of the cores."""
+    most = needs[step].threads
+    share = lambda: min(most, max(1, workflow.cores // object_count))
+    return lambda _: most if on_cluster() else share()
 
 
 @cache
@@ -223,7 +231,8 @@ with_scene, with_judged, with_initial = map(with_stage, ("scene", "judged", "ini
 
 def judge_threads(wildcards):
     """One where nothing waits for it, so that it runs beside the initial mesh."""
-    return 1 if with_judged(wildcards).policy == "keep" else needs["judge"].threads
+    keeps = with_judged(wildcards).policy == "keep"
+    return 1 if keeps else object_cores("judge")(wildcards)
 
 
 def with_silhouettes(wildcards):
@@ -249,7 +258,8 @@ def silhouettes_files(wildcards):
 def silhouettes_threads(wildcards):
     """A network's threads, or those of a function of a person's own; another source has one."""
     run = with_silhouettes(wildcards)
-    return needs["silhouettes"].threads if run.network or run.silhouettes_own else 1
+    several = run.network or run.silhouettes_own
+    return object_cores("silhouettes")(wildcards) if several else 1
 
 
 def silhouettes_settings(wildcards):
@@ -335,7 +345,7 @@ def fitted_scene(run):
 def initial_threads(wildcards):
     """More than one where meshes are tried by fits; carving one leaves a core to the judging."""
     chosen = with_initial(wildcards).settings.init.shape == "auto"
-    return needs["initial"].threads if chosen else 1
+    return object_cores("initial")(wildcards) if chosen else 1
 
 
 def fit_inputs(wildcards):

@@ -15,7 +15,7 @@ rule scene:
     benchmark:
         "logs/scene/{object}-{scene}.tsv"
     priority: 10
-    threads: needs["scene"].threads
+    threads: object_cores("scene")
     resources:
         **resources("scene"),
     params:
