@@ -51,6 +51,16 @@ def test_a_fresh_project_runs_everything(fresh):
     assert fresh.outdated() == ALL
 
 
+def test_a_disk_whose_times_run_behind(fresh):
+    """What a step writes is an hour older there than the photographs that it read."""
+    for end in ("path)\n", "folder)\n"):
+        line = f"        os.replace(part, {end}"
+        late = f"        os.utime({end[:-2]}, (os.stat({end[:-2]}).st_mtime - 3600,) * 2)\n"
+        fresh.edit("src/silmesh/files.py", line, line + late)
+    fresh.run()
+    assert fresh.outdated() == set()
+
+
 def test_what_changes_nothing_reruns_nothing(project):
     for path, old, new in (
         ("src/silmesh/steps/fit.py", "def main(", "# a comment\ndef main("),
