@@ -30,6 +30,7 @@ from silmesh.geometry.signed_distance import signed_distance
 REACH = 3 / 32  # signed distances are cut off beyond this share of the image's side
 DEPTHS = 48  # depths at which each ray is sampled first
 HALVINGS = 5  # times that the step is then halved about the best depth so far
+OTHERS = 128  # views, at most, that a ray is held against
 BLUR = 1.0  # pixels: standard deviation of the Gaussian that locates outlines between pixels
 # Pixels by which the blurred outline may leave a pixel's centre on its wrong side; without this
 # limit the blur would erase thin parts.
@@ -243,9 +244,13 @@ def measure_at(outlines: Outlines, misses: Misses, rays: Pose, others: Pose) -> 
 
 
 def _spread_turns(views: int) -> np.ndarray:
-    """All offsets from a view to the others, quarter turns first: they carve most."""
-    steps = [round(i * views / k) for k in (4, 16, 64) for i in range(1, k)]
-    return np.array([s for s in dict.fromkeys([*steps, *range(views)]) if 0 < s < views])
+    """Offsets from a view to the others, quarter turns first: they carve most.
+
+    All of them up to ``OTHERS`` views; of more an even choice, so that time grows with the views
+    and not with their square.
+    """
+    steps = [round(i * views / k) for k in (4, 16, 64, OTHERS) for i in range(1, k)]
+    return np.array([s for s in dict.fromkeys(steps) if 0 < s < views])
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
