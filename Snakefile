@@ -100,6 +100,7 @@ onstart:
     try:
         if on_slurm():
             try_queue()
+            remember_jobs()
         begin_run()
         write_report_plan()
     except (BusyError, InputError) as error:

@@ -6,7 +6,7 @@ from functools import cache
 
 from silmesh.files import remove, replacing
 from silmesh.planning.needs import read_needs
-from silmesh.planning.slurm import has_gpus, try_job
+from silmesh.planning.slurm import has_gpus, remember_jobs, try_job
 from silmesh.reading import split_row
 from silmesh.remote.address import fetched_folder
 from silmesh.report.parts import LISTED, PARTS
