@@ -17,6 +17,7 @@ from tempfile import TemporaryDirectory
 HOST = "small"
 NODES = ("one", "two")
 PATIENCE = 60.0  # seconds for what takes well under ten where nothing else is at work
+AWAY = 5  # seconds for which nobody answers in the controller's place
 CONFIGURATION = """\
 ClusterName=small
 SlurmctldHost={host}(10.0.0.1)
@@ -51,13 +52,14 @@ GresTypes=gpu
 {nodes}
 PartitionName=work Nodes=ALL Default=YES MaxTime=60 State=UP
 PartitionName=closed Nodes=ALL MaxTime=60 State=DOWN
+PartitionName=lab Nodes=ALL MaxTime=60 State=UP AllowAccounts=lab
 """
 NODE = "NodeName={name} NodeHostname={host} NodeAddr=10.0.0.1 Port={port} CPUs=8 RealMemory=32000"
 GPU = "two"  # the node that has one, on paper
 
 
 COMMANDS = ("slurmctld", "slurmd", "sbatch", "ip", "unshare", "nsenter", "pkill")
-NAMESPACES = ("--mount", "--pid", "--fork", "--mount-proc", "--net", "--uts")
+NAMESPACES = ("--mount", "--pid", "--fork", "--kill-child", "--mount-proc", "--net", "--uts")
 SETTLE = """\
 set -e
 hostname {host}
@@ -112,6 +114,7 @@ class Slurm:
         # Ends, and all with it, when its input closes: also when these tests are killed.
         stay = SETTLE.format(host=HOST, folder=folder) + "exec cat"
         self._space = subprocess.Popen(_in_namespaces(stay), stdin=subprocess.PIPE)
+        self._controller: subprocess.Popen | None = None
 
     def begin(self) -> None:
         """Start all daemons, and wait until the nodes are there."""
@@ -122,9 +125,12 @@ class Slurm:
         self.wait_for(lambda: self.states() == dict.fromkeys(NODES, "idle"), "idle nodes")
 
     def end(self) -> None:
-        """End all that was started in it."""
-        self._space.stdin.close()
+        """End all that was started in it: its first process ends, and with that its namespaces."""
+        self._space.kill()
         self._space.wait()
+        self._space.stdin.close()
+        if self._controller:
+            self._controller.wait()
 
     def _children(self) -> list[int]:
         pid = self._space.pid
@@ -142,12 +148,17 @@ class Slurm:
         return done.stdout if done.returncode == 0 else ""
 
     def start_controller(self) -> None:
-        """Start the controller, which goes on from its state."""
-        subprocess.run(self.within(["slurmctld"]), check=True)
+        """Start the controller; when it ends it is started again, and goes on from its state.
+
+        So a service manager would do. Debian 12's (22.05.8) may end by itself, with a segmentation
+        fault, after a job of a lost node has begun again.
+        """
+        again = f"while ! slurmctld -D >/dev/null 2>&1; do sleep {AWAY}; done"
+        self._controller = subprocess.Popen(self.within(["sh", "-c", again]))
 
     def start_node(self, name: str) -> None:
         """Start the daemon of a node."""
-        subprocess.run(self.within(["slurmd", "-N", name]), check=True)
+        subprocess.run(self.within(["slurmd", "-N", name]), check=True, timeout=PATIENCE)
 
     def kill(self, daemon: str) -> None:
         """Kill ``slurmctld`` or ``slurmd-<node>``; what that has started lives on."""

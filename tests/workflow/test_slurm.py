@@ -62,9 +62,10 @@ def project(project):
     return project
 
 
-@pytest.fixture(scope="module")
-def slurm(tmp_path_factory) -> Iterator[Slurm]:
-    with small_slurm(tmp_path_factory.mktemp("slurm") / "small") as slurm:
+@pytest.fixture
+def slurm(tmp_path) -> Iterator[Slurm]:
+    """One for each test: what one loses, the next should not have to find again."""
+    with small_slurm(tmp_path / "small") as slurm:
         yield slurm
 
 
@@ -144,7 +145,6 @@ def test_what_is_lost_is_made_again(slurm, project, finished, tmp_path, lost):
         else:
             slurm.kill("slurmctld")
             slurm.ask("kill", "-9", marker.read_text())
-            slurm.start_controller()
         said, _ = process.communicate(timeout=PATIENCE)
     finally:
         process.kill()
@@ -160,8 +160,9 @@ def test_what_is_lost_is_made_again(slurm, project, finished, tmp_path, lost):
     [
         (["--default-resources", "slurm_partition=nosuch"], "invalid partition specified: nosuch"),
         (["--default-resources", "slurm_partition=closed"], "partition closed is down"),
+        (["--default-resources", "slurm_partition=lab"], "takes no jobs without an account, only"),
         (["--set-resources", "fit:mem_mb=64000"], "Requested node configuration is not available"),
-        (["--set-resources", "fit:runtime=100000"], "partition work* has a limit of 1:00:00"),
+        (["--set-resources", "fit:runtime=100000"], "partition work has a limit of 01:00:00"),
     ],
 )
 def test_a_queue_that_refuses_is_told_of_before_any_job(slurm, fresh, options, why):
