@@ -7,11 +7,12 @@
 workflow on them. It says which share of the processor's time each step's own work took, as the
 steps' logs say; the rest is Snakemake, and the start of processes.
 
-``simulate`` takes the seconds of each stage of an object from a finished run (the mean of its
-objects) and lays the stages of many objects onto cores: a stage of an object starts when the one
-before has ended and a core is free, those that have waited longest first. That no two stages of an
-object go side by side makes it a little too long where there are more cores than objects.
-``--overhead`` seconds are added to each job for what a cluster takes to start one.
+``simulate`` takes the seconds of each step of an object from the logs of a finished run (the mean
+of its objects, which should be as many as its cores or more, so that each step has one core) and
+lays the steps of many objects onto cores: a step of an object starts when the one before has ended
+and a core is free, those that have waited longest first. That no two steps of an object go side by
+side makes it a little too long where there are more cores than objects. ``--overhead`` seconds are
+added to each: what it takes to start a job.
 """
 
 import argparse
@@ -21,14 +22,12 @@ import json
 import os
 import subprocess
 import sys
-from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from PIL import Image, ImageDraw
 from scipy.spatial import ConvexHull
 from torch import from_numpy
@@ -60,7 +59,7 @@ def main() -> None:
         part.add_argument("folder", type=Path, help="of the project")
         part.add_argument("--objects", type=int, default={"run": 100, "simulate": 1000}[name])
         part.add_argument("--cores", type=int, nargs="+", default=[2])
-        part.add_argument("--overhead", type=float, default=0, help="seconds a job")
+        part.add_argument("--overhead", type=float, default=0.15, help="seconds a job")
     given = args.parse_args()
     if given.part == "run":
         print(json.dumps(run(given.folder, given.objects, given.cores[0]), indent=1))
@@ -135,14 +134,13 @@ def draw(path: Path, points: np.ndarray, colour: tuple[int, int, int]) -> None:
 
 
 def read_stages(folder: Path) -> dict[str, float]:
-    """Mean seconds of each stage, in the order in which they need each other."""
+    """Seconds of each step an object, those that are of all objects among them."""
     plan = json.loads((folder / "results/report/plan.json").read_text(encoding="utf-8"))
-    took = defaultdict(list)
-    for planned in plan["runs"]:
-        for stage, file in planned["stages"].items():
-            if (folder / file).is_file():
-                took[stage].append(float(pd.read_csv(folder / file, sep="\t")["s"].iloc[-1]))
-    return {stage: float(np.mean(seconds)) for stage, seconds in took.items()}
+    objects = {planned["object"] for planned in plan["runs"]}
+    return {
+        step: sum(one.seconds for one in used) / len(objects)
+        for step, used in collect([folder]).items()
+    }
 
 
 def simulate(stages: Mapping[str, float], objects: int, cores: int, overhead: float) -> float:
