@@ -1,7 +1,6 @@
 """What SLURM says of a run: whether it takes such jobs, whether it has GPUs, how its jobs are."""
 
 import getpass
-import importlib
 import re
 import subprocess
 from collections.abc import Mapping
@@ -55,8 +54,11 @@ def remember_jobs() -> None:
 
     Otherwise its version 2.8 forgets them while the controller is away, and the run never ends.
     """
-    plugin = importlib.import_module("snakemake_executor_plugin_slurm")
-    ask = plugin.query_job_status
+    import snakemake_executor_plugin_slurm as plugin  # of an extra, there if jobs go to SLURM
+
+    ask = getattr(plugin, "query_job_status", None)
+    if not ask:  # another version
+        return
 
     async def ask_again(*given: object) -> tuple[dict[str, str], float]:
         states, seconds = await ask(*given)
