@@ -150,8 +150,8 @@ class Slurm:
     def start_controller(self) -> None:
         """Start the controller; when it ends it is started again, and goes on from its state.
 
-        So a service manager would do. Debian 12's (22.05.8) may end by itself, with a segmentation
-        fault, after a job of a lost node has begun again.
+        So a service manager would do. Debian 12's (22.05.8) ends with a segmentation fault when a
+        job of a lost node is told to begin before the two minutes that SLURM has it wait.
         """
         again = f"while ! slurmctld -D >/dev/null 2>&1; do sleep {AWAY}; done"
         self._controller = subprocess.Popen(self.within(["sh", "-c", again]))
@@ -170,12 +170,6 @@ class Slurm:
         self.ask("pkill", "-9", "-f", "^slurmstepd")
         started = f"grep -lzx SLURMD_NODENAME={name} /proc/[0-9]*/environ | cut -d/ -f3"
         self.ask("sh", "-c", f"kill -9 $({started})")
-
-    def hasten(self) -> None:
-        """Let jobs begin that SLURM put back into its queue: it has them wait for two minutes."""
-        self.wait_for(lambda: self.jobs("pending"), "put a job back")
-        for job in self.jobs("pending"):
-            self.ask("scontrol", "update", f"JobId={job}", "StartTime=now")
 
     def states(self) -> dict[str, str]:
         """What the controller says of each node: ``idle``, ``mixed``, ``down``..."""

@@ -30,7 +30,7 @@ Executor.next_seconds_between_status_checks = property(lambda self: 2, lambda se
 from snakemake.cli import main
 main()
 """
-PATIENCE = 300.0  # seconds for what takes one or two minutes on an idle machine
+PATIENCE = 400.0  # seconds for what takes one to three minutes on an idle machine
 WAIT = """\
         if (stop := os.environ.get("SILMESH_TEST_STOP")) and not os.path.exists(stop):
             open(stop, "w").write(str(os.getpid()))
@@ -141,7 +141,6 @@ def test_what_is_lost_is_made_again(slurm, project, finished, tmp_path, lost):
             slurm.lose_node(GPU)
             slurm.wait_for(lambda: slurm.states()[GPU].startswith("down"), f"lost {GPU}")
             slurm.start_node(GPU)
-            slurm.hasten()
         else:
             slurm.kill("slurmctld")
             slurm.ask("kill", "-9", marker.read_text())
