@@ -176,10 +176,6 @@ class Slurm:
         said = self.ask("sinfo", "-h", "-p", "work", "-N", "-o", "%N %T")
         return dict(line.split() for line in said.splitlines())
 
-    def jobs(self, state: str = "running") -> list[str]:
-        """The numbers of the jobs in a state."""
-        return self.ask("squeue", "-h", "-t", state, "-o", "%i").split()
-
     def wait_for(self, reached, what: str, patience: float = PATIENCE) -> None:
         """Wait until something came true."""
         end = time.monotonic() + patience
