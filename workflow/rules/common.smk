@@ -33,15 +33,20 @@ def all_cores(step):
 
 def shared_cores(step):
     """The threads of a step of a run, which here has its share of the cores."""
-    share = lambda: max(1, workflow.cores // len(plan.runs))
-    return lambda _: needs[step].threads if on_cluster() else share()
+    return lambda _: (
+        needs[step].threads if on_cluster() else share_among(len(plan.runs))
+    )
 
 
 def object_cores(step):
-    """The threads of a step of an object, which here has its share of the cores."""
+    """The threads of a step of an object, which here has its share, and no more than it can use."""
     most = needs[step].threads
-    share = lambda: min(most, max(1, workflow.cores // object_count))
-    return lambda _: most if on_cluster() else share()
+    return lambda _: most if on_cluster() else min(most, share_among(object_count))
+
+
+def share_among(several):
+    """The cores of this machine for each of so many, one at least."""
+    return max(1, workflow.cores // several)
 
 
 @cache
