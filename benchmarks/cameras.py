@@ -32,9 +32,9 @@ from silmesh.settings.cameras import Colmap, Matches, Reconstruction
 from silmesh.steps import (
     calibrate,
     colmap,
+    colmap_attempt,
     colmap_features,
     colmap_map,
-    colmap_masked,
     colmap_matches,
     scene,
     silhouettes,
@@ -49,11 +49,11 @@ def find(folder: Path, images: Path, masks: Path, given: argparse.Namespace) -> 
     """Make all stages of `cameras: auto` in a folder, and say how long each took."""
     seconds = {}
 
-    def step(module, name: str, output: str, **options: object) -> None:
+    def step(module, name: str, output: str, flags: Iterable[str] = (), **options: object) -> None:
         start = time.perf_counter()
         values = {"output": folder / output} | options
         argv = [w for k, v in values.items() for w in (f"--{k.replace('_', '-')}", *listed(v))]
-        module.main([str(word) for word in argv])
+        module.main([*flags, *(str(word) for word in argv)])
         seconds[name] = time.perf_counter() - start
 
     def listed(value: object) -> Iterable:
@@ -89,14 +89,14 @@ def find(folder: Path, images: Path, masks: Path, given: argparse.Namespace) -> 
     )
     step(colmap, "judge", "colmap", model=folder / "model", threads=threads, **pictures)
     step(
-        colmap_masked,
+        colmap_attempt,
         "masked",
         "masked",
+        flags=["--masked"],
         features=folder / "features",
         threads=threads,
         settings=json.dumps(told),
         **pictures,
-        **({} if given.always_masked else {"unmasked": folder / "colmap"}),
     )
     step(calibrate, "calibrate", "calibrate", threads=threads, **pictures)
     attempts = [folder / name for name in ("colmap", "masked", "calibrate")]
@@ -198,7 +198,6 @@ def main() -> None:
     args.add_argument("--size", type=int, default=256, help="of the working images")
     args.add_argument("--matching", default="exhaustive")
     args.add_argument("--mapping", default="incremental")
-    args.add_argument("--always-masked", action="store_true", help="even where it is not needed")
     args.add_argument("--seed", type=int, default=0)
     args.add_argument("--threads", type=int, default=2)
     args.add_argument("--keep", type=Path, help="folder to keep all stages in")

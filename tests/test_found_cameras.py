@@ -19,11 +19,8 @@ from silmesh.cameras.upright import azimuths
 from silmesh.geometry.camera import read_cameras
 from silmesh.steps import (
     calibrate,
-    colmap,
+    colmap_attempt,
     colmap_features,
-    colmap_map,
-    colmap_masked,
-    colmap_matches,
     scene,
     silhouettes,
     views,
@@ -35,9 +32,9 @@ pytestmark = pytest.mark.slow
 SURROUNDINGS = {"table": photograph_on_table, "wall": photograph_before_wall}
 
 
-def call(module, **options):
+def call(module, flags=(), **options):
     """``main`` with options by their names; a list becomes several values."""
-    argv = []
+    argv = list(flags)
     for name, value in options.items():
         value = json.dumps(value) if isinstance(value, dict) else value
         values = value if isinstance(value, list) else [value]
@@ -57,20 +54,11 @@ def find(mesh, paint, surroundings, count, size, out):
     call(views, images=images, settings={"size": 128}, output=out / "views")
     call(silhouettes, views=out / "views", source="mask", masks=masks, output=out / "silhouettes")
     call(colmap_features, images=images, threads=2, output=out / "features")
-    how = {"settings": {"matching": "exhaustive"}, "threads": 2}
-    call(colmap_matches, features=out / "features", **how, output=out / "matches")
-    call(colmap_map, matches=out / "matches", output=out / "model")
-    call(colmap, model=out / "model", **seen, output=out / "colmap")
-    call(
-        colmap_masked,
-        features=out / "features",
-        unmasked=out / "colmap",
-        **how,
-        **seen,
-        output=out / "masked",
-    )
-    call(calibrate, **seen, step=360 / count, output=out / "calibrate")
-    attempts = [out / name for name in ("colmap", "masked", "calibrate")]
+    how = {"features": out / "features", "settings": {"matching": "exhaustive"}, "threads": 2}
+    attempts = [out / name for name in ("masked", "whole", "calibrate")]
+    call(colmap_attempt, ["--masked"], **how, **seen, output=attempts[0])
+    call(colmap_attempt, unless=attempts[0], **how, **seen, output=attempts[1])
+    call(calibrate, **seen, step=360 / count, unless=attempts[:2], output=attempts[2])
     call(scene, cameras=attempts, **seen, output=out / "scene")
     return read_cameras(out / "scene" / "cameras.json"), truth
 
@@ -88,10 +76,10 @@ def test_an_object_on_a_patterned_table_is_found_by_colmap(tmp_path):
     mesh = make_object("bear")
     found, truth = find(mesh, find_paint("bear"), "table", 24, (400, 300), tmp_path)
     check_angles(found, truth)  # whichever was more coherent
-    attempt = read_attempt(tmp_path / "colmap")
+    attempt = read_attempt(tmp_path / "whole")
     check_angles(attempt.cameras, truth)
     assert attempt.figures["coherence"] > 0.95
-    assert "not tried" in read_attempt(tmp_path / "masked").refusal
+    assert "not tried" in read_attempt(tmp_path / "calibrate").refusal
 
 
 def test_an_object_before_a_still_wall_is_not_taken_for_the_wall(tmp_path):
@@ -100,7 +88,7 @@ def test_an_object_before_a_still_wall_is_not_taken_for_the_wall(tmp_path):
     told = json.loads((tmp_path / "scene" / "scene.json").read_text())
     assert told["hull_iou_mean"] > 0.95
     check_angles(found, truth)
-    refusal = read_attempt(tmp_path / "colmap").refusal
+    refusal = read_attempt(tmp_path / "whole").refusal
     assert told["cameras"] == "colmap" or "cameras 'colmap'" in refusal
 
 
@@ -112,7 +100,7 @@ def test_the_scans(data, tmp_path, name, up, surroundings):
     found, truth = find(mesh, texture_paint(mesh), surroundings, 36, (640, 480), tmp_path)
     check_angles(found, truth)
     told = json.loads((tmp_path / "scene" / "scene.json").read_text())
-    attempt = read_attempt(tmp_path / "colmap")
+    attempt = read_attempt(tmp_path / "whole")
     if surroundings == "table":
         check_angles(attempt.cameras, truth)
     else:

@@ -274,8 +274,8 @@ COMMANDS = {
     "colmap_matches": "--features features --output matches",
     "colmap_map": "--matches matches --output model_stage",
     "colmap": "--model model_stage --views views --silhouettes silhouettes --output by_colmap",
-    "colmap_masked": "--features features --views views --silhouettes silhouettes"
-    " --threads 1 --output by_colmap_masked",
+    "colmap_attempt": "--features features --views views --silhouettes silhouettes"
+    " --masked --threads 1 --output by_colmap_attempt",
 }
 SLOW = {"calibrate", "picture", "rings", "figure", "synthetic"}
 SLOW |= {step for step in COMMANDS if step.startswith("colmap")}

@@ -757,7 +757,7 @@ class _Search:
         if source == "turntable":
             return [self._turn(known)], True
         found = self._attempt_colmap() if source in ("colmap", "auto") else []
-        return [*found, *([self._calibrate(known)] if source != "colmap" else [])], False
+        return [*found, *([self._calibrate(known, found)] if source != "colmap" else [])], False
 
     def _turn(self, known: Any) -> Attempt:
         from silmesh.cameras.known import attempt_turntable
@@ -773,10 +773,15 @@ class _Search:
         views = self.photographs.views
         return attempt_turntable(views, known.distance, known.elevation, known.step)
 
-    def _calibrate(self, known: Any) -> Attempt:
-        from silmesh.scene.calibrated_sets import calibrate_sets
+    def _calibrate(self, known: Any, before: Sequence[Attempt]) -> Attempt:
+        """By the silhouettes, unless attempts that were made before leave little to gain."""
+        from silmesh.scene.agreement import spare
+        from silmesh.scene.calibrated_sets import SOURCE, calibrate_sets
 
         views, files = self.photographs.views, self.photographs.files
+        settings = _check("calibrate", self.calibrate)
+        if not settings.always and (spared := spare(SOURCE, before, len(views))):
+            return spared
         named = [view.view for view in views]
         return calibrate_sets(
             self.found.silhouettes,
@@ -787,7 +792,7 @@ class _Search:
             elevation=known.elevation,
             distance=known.distance,
             rounds=known.rounds,
-            above_table=_check("calibrate", self.calibrate).above_table,
+            above_table=settings.above_table,
             progress=self.progress,
         )
 

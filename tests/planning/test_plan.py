@@ -166,10 +166,13 @@ def test_colmaps_attempts_share_the_stages_that_they_agree_on(plan):
     ).runs
     assert (a.features_key, a.matches_key) == ("1600-4096", "1600-4096-exhaustive-0")
     assert a.model_key == "1600-4096-exhaustive-0-incremental"
-    unmasked, fallback = a.cameras_keys
-    assert unmasked.startswith("256-pad-mask-colmap_")
+    masked, fallback = a.cameras_keys
+    assert masked.startswith("256-pad-mask-colmap_masked_")
     assert fallback.startswith("256-pad-mask-colmap_fallback_")
-    assert b.cameras_keys == (unmasked, fallback, "256-pad-mask-calibrate")
+    assert b.cameras_keys[:2] == (masked, fallback)
+    assert b.cameras_keys[2].startswith("256-pad-mask-calibrate-after-")
+    assert b.sparing == b.folders("cameras")[:2]
+    assert a.sparing == []
     assert len({a.scene_key, b.scene_key, c.scene_key}) == 3
     assert (c.matches_key, c.model_key) == (a.matches_key, "1600-4096-exhaustive-0-global")
     assert len(c.cameras_keys) == 1
@@ -319,7 +322,7 @@ def test_wildcards_match_just_what_the_stages_are_called(plan):
     found = plan("a: {}, b: {views: {size: 64}, cameras: colmap}").constraints()
     assert found["views"] == r"256\-pad|64\-pad"
     assert found["cameras"] == "turntable"
-    assert re.fullmatch(found["masks"], "fallback")
+    assert all(re.fullmatch(found["masks"], masks) for masks in ("masked", "fallback"))
     assert not re.fullmatch(found["calibration"], "calibrate")
     assert not re.fullmatch(found["scene"], "64-pad-mask-turntable")
 

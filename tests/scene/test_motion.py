@@ -11,7 +11,8 @@ import turned_over
 from scenes import names, silhouettes, turntable
 
 from silmesh.cameras.stages import APART, LARGEST, MODEL, Report, make_stage
-from silmesh.scene.motion import judge_model, went_well
+from silmesh.scene.agreement import spare
+from silmesh.scene.motion import judge_model
 from silmesh.views import place_view
 
 SIZE, COUNT, KEPT = 64, 12, 8
@@ -109,7 +110,7 @@ def test_a_wrong_completion_is_not_taken(ring, tmp_path):
     assert list(attempt.dropped) == names(COUNT)[KEPT:]
 
 
-def test_cameras_that_the_background_drew_aside_did_not_go_well(ring, tmp_path):
+def test_cameras_that_the_background_drew_aside_spare_no_other_source(ring, tmp_path):
     """Two of twelve stand a quarter of a turn off: the hull of the others fills the rest."""
     cameras, seen = ring
     aside = [*range(COUNT - 2), *((i + COUNT // 4) % COUNT for i in range(COUNT - 2, COUNT))]
@@ -118,6 +119,9 @@ def test_cameras_that_the_background_drew_aside_did_not_go_well(ring, tmp_path):
         judge_model("colmap", make_model(tmp_path / name, made, made), VIEWS, seen)
         for name, made in (("right", cameras), ("wrong", wrong))
     )
-    assert went_well(right)
+    spared = spare("calibrate", [drawn, right], COUNT)
+    assert spared.cameras is None
+    assert spared.refusal.startswith("not tried, for by 'colmap' all have a camera, hull IoU 0.9")
     assert drawn.figures["contradicted"] == names(COUNT)[-2:]
-    assert not went_well(drawn)
+    assert spare("calibrate", [drawn], COUNT) is None
+    assert spare("calibrate", [right], COUNT + 1) is None

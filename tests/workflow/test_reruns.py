@@ -255,15 +255,13 @@ def test_cameras_found_from_silhouettes(project):
 def test_cameras_found_by_colmap_or_from_silhouettes(project):
     with open(project / "config/config.yaml", "a") as config:
         config.write("  found:\n    cameras: auto\n    init: {vertices: 60}\n")
-    jobs = {re.sub(r"_[0-9a-f]{8}", "", job) for job in project.outdated()}
+    jobs = {re.sub(r"[_-][0-9a-f]{8}", "", job) for job in project.outdated()}
     scene = "cup/32-pad-mask-auto"
     assert jobs == {
         "colmap_features cup/1600-4096",
-        "colmap_matches cup/1600-4096-exhaustive-0",
-        "colmap_map cup/1600-4096-exhaustive-0-incremental",
-        "colmap cup/32-pad-mask-colmap",
-        "colmap_masked cup/32-pad-mask-colmap_fallback",
-        "calibrate cup/32-pad-mask-calibrate",
+        "colmap_attempt cup/32-pad-mask-colmap_masked",
+        "colmap_attempt cup/32-pad-mask-colmap_fallback",
+        "calibrate cup/32-pad-mask-calibrate-after",
         f"scene {scene}",
         f"rings {scene}",
         f"judge {scene}-keep-3",

@@ -35,6 +35,7 @@ rule cameras:
 
 rule calibrate:
     input:
+        unless=lambda w: with_calibration(w).sparing,
         views="results/{object}/stages/views/{views}",
         silhouettes="results/{object}/stages/silhouettes/{views}-{source}",
     output:
@@ -50,11 +51,13 @@ rule calibrate:
     params:
         known=known_geometry,
         sets=sets_given,
-        settings=lambda w: settings(with_calibration(w).settings.calibrate),
+        unless=lambda w, input: "--unless" if input.unless else "",
+        settings=calibrate_settings,
         code=code_digest("silmesh.steps.calibrate"),
     message:
         "{wildcards.object}: finding cameras from silhouettes by {wildcards.source}"
     shell:
         "python -m silmesh.steps calibrate --views {input.views:q}"
-        " --silhouettes {input.silhouettes:q} {params.known} {params.sets} --settings {params.settings:q} --threads {threads}"
-        " --output {output:q} 2> {log:q}"
+        " --silhouettes {input.silhouettes:q} {params.known} {params.sets}"
+        " {params.unless} {input.unless:q} --settings {params.settings:q}"
+        " --threads {threads} --output {output:q} 2> {log:q}"

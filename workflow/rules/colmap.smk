@@ -1,8 +1,8 @@
 # requires  an object's photographs; to judge the cameras, pixel maps and silhouettes
 # makes     features, matches and a COLMAP model, then attempts at cameras: of the model, and of one
-#           from the features on the object alone
+#           from features at once: those on the object, and all if that leaves something to gain
 # runs      silmesh.steps.colmap_features, silmesh.steps.colmap_matches,
-#           silmesh.steps.colmap_map, silmesh.steps.colmap, silmesh.steps.colmap_masked
+#           silmesh.steps.colmap_map, silmesh.steps.colmap, silmesh.steps.colmap_attempt
 
 
 rule colmap_features:
@@ -98,9 +98,9 @@ rule colmap:
         " --silhouettes {input.silhouettes:q} --threads {threads} --output {output:q} 2> {log:q}"
 
 
-rule colmap_masked:
+rule colmap_attempt:
     input:
-        unpack(unmasked_attempt),
+        unless=masked_attempt,
         features=lambda w: with_colmap(w).folder("features"),
         views="results/{object}/stages/views/{views}",
         silhouettes="results/{object}/stages/silhouettes/{views}-{source}",
@@ -110,19 +110,20 @@ rule colmap_masked:
         ),
     log:
         "logs/colmap/{object}-{views}-{source}-{masks}-{digest}.log",
+    benchmark:
+        "logs/colmap/{object}-{views}-{source}-{masks}-{digest}.tsv"
     priority: 10
-    threads: object_cores("colmap_masked")
+    threads: object_cores("colmap_attempt")
     resources:
-        **resources("colmap_masked"),
+        **resources("colmap_attempt"),
     params:
         settings=lambda w: settings(with_colmap(w).settings.colmap),
-        unmasked=lambda w, input: (
-            f"--unmasked {quote(input.unmasked)}" if input.get("unmasked") else ""
-        ),
-        code=code_digest("silmesh.steps.colmap_masked"),
+        which=lambda w, input: "--unless" if input.unless else "--masked",
+        code=code_digest("silmesh.steps.colmap_attempt"),
     message:
-        "{wildcards.object}: finding cameras by the features on the object"
+        "{wildcards.object}: finding cameras by COLMAP"
     shell:
-        "python -m silmesh.steps colmap_masked --features {input.features:q}"
-        " --views {input.views:q} --silhouettes {input.silhouettes:q} {params.unmasked}"
+        "python -m silmesh.steps colmap_attempt --features {input.features:q}"
+        " --views {input.views:q} --silhouettes {input.silhouettes:q}"
+        " {params.which} {input.unless:q}"
         " --settings {params.settings:q} --threads {threads} --output {output:q} 2> {log:q}"

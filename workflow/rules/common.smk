@@ -314,6 +314,12 @@ def known_geometry(wildcards):
     return " ".join(f"{k}={v}" for k, v in values.items() if v is not None)
 
 
+def calibrate_settings(wildcards):
+    """Those of the search itself: whether it is done is laid out already."""
+    calibrate = with_calibration(wildcards).settings.calibrate
+    return sys.intern(calibrate.model_dump_json(exclude={"always"}))
+
+
 def sets_given(wildcards):
     """The argument that names the sets of photographs between which the object was turned over."""
     sets = with_calibration(wildcards).dataset.sets
@@ -328,12 +334,11 @@ def with_colmap(wildcards):
     return plan.with_key(w.object, "cameras", key)
 
 
-def unmasked_attempt(wildcards):
-    """The attempt without masks, for one with them that is only made if that fails."""
+def masked_attempt(wildcards):
+    """The attempt by features on the object, for one by all that is made if that leaves a gain."""
     w = wildcards
-    key = f"{w.views}-{w.source}-colmap_{w.digest}"
-    folder = f"results/{w.object}/stages/cameras/{key}"
-    return {"unmasked": folder} if w.masks == "fallback" else {}
+    key = f"{w.views}-{w.source}-colmap_masked_{w.digest}"
+    return f"results/{w.object}/stages/cameras/{key}" if w.masks == "fallback" else []
 
 
 def trial_settings(wildcards):
@@ -558,8 +563,7 @@ def stages_of(run):
     object_ = run.dataset.object
     colmap = {
         "features": f"colmap/{object_}-features-{run.features_key}",
-        "matches": f"colmap/{object_}-matches-{run.matches_key}",
-        "mapping": f"colmap/{object_}-map-{run.model_key}",
+        **logs_of_mapping(run),
     }
     files = {
         "views": f"views/{object_}-{run.views_key}",
@@ -577,6 +581,18 @@ def stages_of(run):
     if run.photometric:
         files["photo-consistency"] = f"relief/{object_}-{run.variant}"
     return {stage: f"logs/{file}.tsv" for stage, file in files.items()}
+
+
+def logs_of_mapping(run):
+    """Those of matches and of a model, or of both at once where features are masked."""
+    object_, masks = run.dataset.object, run.settings.colmap.masks
+    if masks == "none":
+        return {
+            "matches": f"colmap/{object_}-matches-{run.matches_key}",
+            "mapping": f"colmap/{object_}-map-{run.model_key}",
+        }
+    (digest,) = run.names["digest"]
+    return {"mapping": f"colmap/{object_}-{run.silhouettes_key}-masked-{digest}"}
 
 
 REPORT_PLAN_TEXT = json.dumps(report_plan(), indent=1) + "\n"

@@ -7,7 +7,7 @@ import PIL.Image  # noqa: F401, before pycolmap, or saving a PNG crashes
 import pycolmap
 
 SMALLEST = 3  # least number of views of a model
-GROWTH = 1.4  # factor of growth in views or points after which all are bundle-adjusted again
+GROWTH = 2.0  # factor of growth in views or points after which all are bundle-adjusted again
 
 
 def stepwise_options(seed: int) -> pycolmap.IncrementalPipelineOptions:
@@ -19,6 +19,7 @@ def stepwise_options(seed: int) -> pycolmap.IncrementalPipelineOptions:
         part.random_seed = seed
     options.ba_global_frames_ratio = options.ba_global_points_ratio = GROWTH
     options.mapper.num_threads = 1
+    options.mapper.ba_global_ignore_redundant_points3D = True
     return options
 
 

@@ -21,7 +21,9 @@ from silmesh.settings.cameras import Matches
 
 OVERLAP = 10  # neighbours on either side that are matched in an ordered capture
 STILL = 2.0  # pixels: a feature that moves less between two views may belong to the background
-TOLD, FEWEST = 20, 32  # most reports of progress, and least number of pairs between two of them
+# Most reports of progress, each of which costs anew what is prepared of a photograph for all its
+# pairs, and least number of pairs between two of them.
+TOLD, FEWEST = 5, 32
 TRIALS = 2000  # of RANSAC for a pair's geometry: enough for 45 % of inliers among the matches
 
 

@@ -20,7 +20,7 @@ SECONDS = {
     "colmap_matches": (1.0, 0.3),
     "colmap_map": (1.0, 0.15),
     "colmap": (2.0, 0.05),
-    "colmap_masked": (2.0, 0.1),
+    "colmap_attempt": (1.0, 0.15),
     "scene": (1.0, 0.012),
     "judge": (1.0, 0.1),
     "initial": (2.0, 0.01),

@@ -13,6 +13,7 @@ from silmesh.cameras.locate import locate
 from silmesh.cameras.sets import describe_unused, find_sets
 from silmesh.cli.bar import Bar
 from silmesh.cli.outcome import (
+    CALIBRATE,
     advise_on_cameras,
     copy,
     describe,
@@ -313,7 +314,8 @@ def _try(
     for cameras, then in zip(tries, [*tries[1:], None], strict=True):
         tried.append(cameras)
         try:
-            variant = _run(work, runner, bar, silhouettes, cameras, options, besides)
+            again = {**options, "calibrated": CALIBRATE in tried[:-1]}
+            variant = _run(work, runner, bar, silhouettes, cameras, again, besides)
         except RunError as error:
             failure = RunError(_as_written(work.restore(str(error)), cameras), error.step)
             if error.step in BEFORE_CAMERAS:
@@ -388,6 +390,8 @@ def _configure(
         "quality": {"policy": options["quality"]},
         "variants": {variant: {"init": {"shape": init}, "fit": fit}},
         "texture": {"size": options["texture"]},
+        # an attempt that is there already costs nothing, whatever COLMAP finds
+        **({"calibrate": {"always": True}} if options.get("calibrated") else {}),
     }
     return variant, row, values
 

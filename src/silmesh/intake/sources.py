@@ -106,4 +106,4 @@ def choose_cameras(seen: Look) -> tuple[tuple[str, ...], str]:
         return ("calibrate", "auto"), "the object is taken to turn before a plain background"
     if seen.still:
         return ("calibrate", "auto"), "the background stands still, so the object turns"
-    return ("auto",), "the background moves, so the camera may; COLMAP and a turntable are tried"
+    return ("auto",), "the background moves, so the camera may; COLMAP is tried, then a turntable"

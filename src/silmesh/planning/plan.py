@@ -53,7 +53,7 @@ FOUND = ("calibrate", "colmap", "auto")  # sources that look at the silhouettes
 COLMAP = {  # the attempts of COLMAP's, by whether it masks
     "none": ("colmap",),
     "silhouettes": ("colmap_masked",),
-    "auto": ("colmap", "colmap_fallback"),
+    "auto": ("colmap_masked", "colmap_fallback"),
 }
 FOLDERS = {  # of an object's stages
     "views": "views",
@@ -152,6 +152,11 @@ class Run:
         if self.cameras in ("calibrate", "auto"):
             found += [self._calibrate_name]
         return tuple(f"{self.silhouettes_key}-{name}" for name in found)
+
+    @property
+    def sparing(self) -> list[str]:
+        """Folders of the attempts at cameras that may make one from silhouettes needless."""
+        return self.folders("cameras")[:-1] if self._spares_calibrate else []
 
     @property
     def features_key(self) -> str:
@@ -264,7 +269,17 @@ class Run:
     @property
     def _calibrate_name(self) -> str:
         name = "calibrate" if self.settings.calibrate.above_table else "calibrate_anywhere"
-        return f"{name}{self._sets_name}"
+        after = f"-after-{_digest(self._colmap_name)}" if self._spares_calibrate else ""
+        return f"{name}{self._sets_name}{after}"
+
+    @property
+    def _spares_calibrate(self) -> bool:
+        """Whether cameras are sought in silhouettes only if COLMAP's leave something to gain."""
+        return self.cameras == "auto" and not self.settings.calibrate.always
+
+    @property
+    def _colmap_name(self) -> str:
+        return f"{self.model_key}-{self.settings.colmap.masks}"
 
     @property
     def _sets_name(self) -> str:
@@ -291,7 +306,8 @@ class Run:
     def _cameras_name(self) -> str:
         if self.cameras in ("colmap", "auto"):
             above = self.settings.calibrate.above_table
-            key = f"{self.model_key}-{self.settings.colmap.masks}-{above}{self._sets_name}"
+            always = "-always" if self.settings.calibrate.always else ""
+            key = f"{self._colmap_name}-{above}{self._sets_name}{always}"
             return f"{self.cameras}_{_digest(key)}"
         if self.cameras == "calibrate":
             return self._calibrate_name

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from silmesh.geometry.camera import Cameras, Similarity
 from silmesh.geometry.frame import find_shown
 from silmesh.geometry.robust_hull import robust_carve
 from silmesh.geometry.silhouette_iou import coherence
-from silmesh.geometry.thresholds import COHERENT, REFUSED
+from silmesh.geometry.thresholds import COHERENT, REFUSED, UNBEATEN
 from silmesh.geometry.undistortion import Undistorted, undistort
 from silmesh.geometry.visual_hull import carve, find_enclosed
 from silmesh.scene.scene import find_similarity, refuse_enclosed
@@ -237,9 +237,8 @@ def refuse_incoherent(
     except InputError as error:
         why = f"cameras {attempt.source!r}: {error}"
         return replace(attempt, cameras=None, refusal=why)
-    mean, views = normalised.overall, attempt.cameras.views
-    figures = {"coherence": mean, "contradicted": [views[i] for i in normalised.contradicted]}
-    attempt = replace(attempt, figures={**attempt.figures, **figures})
+    mean = normalised.overall
+    attempt = replace(attempt, figures={**attempt.figures, **note_coherence(normalised)})
     if mean >= REFUSED:
         return attempt
     why = (
@@ -250,6 +249,30 @@ def refuse_incoherent(
         f"silhouettes are not the object's{TRY_CALIBRATE}"
     )
     return replace(attempt, cameras=None, refusal=why)
+
+
+def spare(source: str, before: Sequence[Attempt], views: int) -> Attempt | None:
+    """A refusal of a source whose cameras could hardly be taken; None if they are to be sought.
+
+    Args:
+        before: attempts by other sources, judged by ``refuse_incoherent``
+        views: how many there are
+    """
+    for attempt in before:
+        coherence = attempt.figures.get("coherence", 0.0)
+        whole = attempt.cameras is not None and len(attempt.cameras) == views
+        if whole and coherence >= UNBEATEN and not attempt.figures["contradicted"]:
+            why = (
+                f"not tried, for by {attempt.source!r} all have a camera, hull IoU {coherence:.3f}"
+            )
+            return Attempt(source, None, refusal=why)
+    return None
+
+
+def note_coherence(found: Normalised) -> dict[str, Any]:
+    """What an attempt says of it among its figures, by which ``spare`` decides."""
+    contradicted = [found.cameras.views[i] for i in found.contradicted]
+    return {"coherence": found.overall, "contradicted": contradicted}
 
 
 def choose(attempts: Sequence[Attempt], candidates: Sequence[Normalised | None]) -> tuple[int, str]:

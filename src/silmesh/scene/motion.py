@@ -28,13 +28,16 @@ from silmesh.cameras.stages import (
 )
 from silmesh.geometry.thresholds import COHERENT
 from silmesh.progress import Share, untold, within
-from silmesh.scene.agreement import NEAR, refuse_incoherent
+from silmesh.scene.agreement import NEAR, refuse_incoherent, spare
 from silmesh.scene.joined import join_attempts
 from silmesh.settings.cameras import Colmap
 from silmesh.views import View
 
 Pictures = Mapping[str, PIL.Image.Image] | None
 SOURCE, MASKED = "colmap", "colmap, masked"
+# Whether features are masked, attempt by attempt. Those on the object are fewer, so they take less
+# time, and hold nothing of a background that stands still while the object turns.
+ORDER = {"none": (False,), "silhouettes": (True,), "auto": (True, False)}
 SET = 0.3  # of the largest model's views: a model apart that has fewer is a splinter, and no set
 MATCHED = 0.6  # share of the run time after which the photographs are matched, for the progress
 
@@ -66,24 +69,15 @@ def attempt_colmap(
         Report(),
         lambda part, _: extract(images, settings, threads, part, progress),
     )
-    if settings.masks != "silhouettes":
-        model = find_model(features, settings, threads, _folder(scratch, "unmasked"), progress)
-        found.append(judge_model(SOURCE, model, views, silhouettes, pictures))
-    if settings.masks != "none":
-        masked = _folder(scratch, "masked")
-        before = found[0] if found else None
-        found.append(
-            attempt_masked(
-                features, views, silhouettes, settings, threads, masked, before, progress, pictures
-            )
-        )
+    for masked in ORDER[settings.masks]:
+        if spared := spare(SOURCE, found, len(views)):
+            found.append(spared)
+            continue
+        folder = scratch / ("masked" if masked else "whole")
+        folder.mkdir()
+        shown = views, silhouettes, settings, threads
+        found.append(attempt_features(features, masked, *shown, folder, progress, pictures))
     return found
-
-
-def _folder(within: Path, name: str) -> Path:
-    folder = within / name
-    folder.mkdir()
-    return folder
 
 
 def find_model(
@@ -246,46 +240,33 @@ def _judge(
     return refuse_incoherent(attempt, silhouettes[kept], frames)
 
 
-def went_well(attempt: Attempt) -> bool:
-    """Whether all its cameras agree with the silhouettes.
-
-    Where the silhouettes of some views contradict the others, these cameras may be wrong as well
-    as the silhouettes: a background that stands still draws some aside, where the object turns.
-    """
-    figures = attempt.figures
-    return figures.get("coherence", 0.0) >= COHERENT and not figures.get("contradicted")
-
-
-def attempt_masked(
+def attempt_features(
     features: Path,
+    masked: bool,
     views: Sequence[View],
     silhouettes: np.ndarray,
     settings: Colmap,
     threads: int,
     scratch: Path,
-    unmasked: Attempt | None = None,
     progress: Share = untold,
     pictures: Pictures = None,
 ) -> Attempt:
-    """Cameras by the features on the object alone, unless it went well without masks.
+    """Cameras by all features or, if ``masked``, by those on the object alone.
 
     Args:
         features: folder of the stage of all features
         views: all views
         silhouettes: [views, size, size] bool, of all views
         scratch: an existing folder for the stages
-        unmasked: the attempt without masks, if there is one
         pictures: the working images by the views' names, as ``judge_model`` takes them
     """
-    if unmasked is not None and went_well(unmasked):
-        coherence = unmasked.figures["coherence"]
-        why = f"not tried, for without masks the hull IoU is {coherence:.3f}"
-        return Attempt(MASKED, None, refusal=why)
-    inside = scratch / "features"
-    make_stage(
-        inside,
-        read_report(features),
-        lambda part, report: keep_inside(features / DATABASE, views, silhouettes, part, report),
-    )
-    model = find_model(inside, settings, threads, scratch, progress)
-    return judge_model(MASKED, model, views, silhouettes, pictures)
+    if masked:
+        inside = scratch / "features"
+        make_stage(
+            inside,
+            read_report(features),
+            lambda part, report: keep_inside(features / DATABASE, views, silhouettes, part, report),
+        )
+        features = inside
+    model = find_model(features, settings, threads, scratch, progress)
+    return judge_model(MASKED if masked else SOURCE, model, views, silhouettes, pictures)

@@ -26,6 +26,11 @@ class Calibrate(Section):
         description="the camera is taken not to look up at the table, unless perspective clearly "
         "says so; false where it may",
     )
+    always: Truth = Field(
+        False,
+        description="with cameras 'auto', also where COLMAP's cameras of all photographs leave "
+        "little to gain",
+    )
 
 
 class Features(Section):
@@ -74,6 +79,6 @@ class Colmap(Reconstruction, Matches, Features):
 
     masks: Masks = Field(
         "auto",
-        description="silhouettes: only features on the object; none: all; auto tries without and, "
-        "where that fails or contradicts the silhouettes, with them",
+        description="silhouettes: only features on the object; none: all; auto tries the former "
+        "and, where these cameras leave something to gain, all",
     )

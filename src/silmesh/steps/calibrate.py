@@ -7,9 +7,10 @@ from pathlib import Path
 
 import torch
 
-from silmesh.cameras.attempt import write_attempt
+from silmesh.cameras.attempt import read_attempt, write_attempt
 from silmesh.progress import share_of
-from silmesh.scene.calibrated_sets import calibrate_sets
+from silmesh.scene.agreement import spare
+from silmesh.scene.calibrated_sets import SOURCE, calibrate_sets
 from silmesh.settings.cameras import Calibrate
 from silmesh.settings.turntable import parse_turntable
 from silmesh.silhouettes import read_silhouettes
@@ -30,12 +31,20 @@ def main(argv: Sequence[str] | None = None) -> None:
         "--sets", type=json.loads, default=[], help="JSON: lists of the views of each set"
     )
     add_settings(args, Calibrate)
+    args.add_argument(
+        "--unless",
+        type=Path,
+        nargs="*",
+        default=[],
+        help="folders of attempts that may leave little to gain",
+    )
     args.add_argument("--threads", type=int, default=torch.get_num_threads(), help="to use")
     args.add_argument("--output", type=output_folder, required=True, help="folder to make")
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)
     views = read_views(given.views)
-    attempt = calibrate_sets(
+    before = [read_attempt(folder) for folder in given.unless]
+    attempt = spare(SOURCE, before, len(views)) or calibrate_sets(
         read_silhouettes(given.silhouettes, [view.view for view in views]),
         views,
         given.sets,
@@ -47,8 +56,8 @@ def main(argv: Sequence[str] | None = None) -> None:
         above_table=given.settings.above_table,
         progress=share_of(f"calibrate {given.output}"),
     )
-    for warning in attempt.warnings:
-        print(f"silmesh: {warning}", file=sys.stderr)
+    for line in (*attempt.warnings, *filter(None, [before and attempt.refusal])):
+        print(f"silmesh: {line}", file=sys.stderr)
     write_attempt(given.output, attempt)
 
 

@@ -1,4 +1,4 @@
-"""Structure from motion by the features on the object alone, unless it went well without."""
+"""Structure from motion by all features or those on the object, unless others leave little."""
 
 import sys
 from collections.abc import Sequence
@@ -9,7 +9,8 @@ import torch
 
 from silmesh.cameras.attempt import read_attempt, write_attempt
 from silmesh.progress import share_of
-from silmesh.scene.motion import attempt_masked
+from silmesh.scene.agreement import spare
+from silmesh.scene.motion import SOURCE, attempt_features
 from silmesh.settings.cameras import Colmap
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import add_settings, output_folder, parser, run
@@ -20,7 +21,8 @@ def main(argv: Sequence[str] | None = None) -> None:
     """Parse, load, call, save."""
     args = parser(__doc__)
     args.add_argument("--features", type=Path, required=True, help="folder of all features")
-    args.add_argument("--unmasked", type=Path, help="the attempt without masks")
+    args.add_argument("--masked", action="store_true", help="only those on the object")
+    args.add_argument("--unless", type=Path, help="folder of an attempt that may leave little")
     args.add_argument("--views", type=Path, required=True, help="folder of the working images")
     args.add_argument("--silhouettes", type=Path, required=True, help="folder of the silhouettes")
     add_settings(args, Colmap)
@@ -29,17 +31,18 @@ def main(argv: Sequence[str] | None = None) -> None:
     given = args.parse_args(argv)
     torch.set_num_threads(given.threads)
     views = read_views(given.views)
+    before = [read_attempt(given.unless)] if given.unless else []
     given.output.parent.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(dir=given.output.parent, prefix=".part-") as scratch:
-        attempt = attempt_masked(
+        attempt = spare(SOURCE, before, len(views)) or attempt_features(
             given.features,
+            given.masked,
             views,
             read_silhouettes(given.silhouettes, [view.view for view in views]),
             given.settings,
             given.threads,
             Path(scratch),
-            given.unmasked and read_attempt(given.unmasked),
-            share_of(f"colmap_masked {given.output}"),
+            share_of(f"colmap_attempt {given.output}"),
             ImageFolder(given.views),
         )
     for line in (*attempt.warnings, *filter(None, [attempt.refusal])):
