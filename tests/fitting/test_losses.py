@@ -102,10 +102,11 @@ def test_gradients_are_those_of_finite_differences():
     assert torch.autograd.gradcheck(lambda a: iou_loss(a, truth, weights), alpha)
 
 
-def test_the_flatten_term_on_the_cpu_is_that_of_plain_torch():
+@pytest.mark.parametrize("kind", [Flatten, lambda faces: Laplacian(faces, 60)])
+def test_a_smoothness_term_on_the_cpu_is_that_of_plain_torch(kind):
     verts, faces = bumpy(60)
     found = []
-    for term in (Flatten(faces), Flatten(faces).in_torch):
+    for term in (kind(faces), kind(faces).in_torch):
         moved = verts.clone().requires_grad_()
         loss = term(moved)
         loss.backward()

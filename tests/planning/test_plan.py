@@ -180,6 +180,16 @@ def test_colmaps_attempts_share_the_stages_that_they_agree_on(plan):
     assert (d.features_key, d.matches_key) == (a.features_key, "1600-4096-sequential-1")
 
 
+def test_silhouettes_are_asked_for_cameras_after_colmap_unless_always(plan):
+    after, always, alone = plan(
+        "a: {cameras: auto}, b: {cameras: auto, calibrate: {always: true}}, c: {cameras: calibrate}"
+    ).runs
+    assert always.cameras_keys[2:] == alone.cameras_keys == ("256-pad-mask-calibrate",)
+    assert always.sparing == []
+    assert after.cameras_keys[:2] == always.cameras_keys[:2]
+    assert after.scene_key != always.scene_key
+
+
 def test_the_runs_colmap_section_is_overridden_in_part(plan):
     a, b = plan("a: {cameras: colmap}, b: {cameras: colmap, colmap: {seed: 3}}").runs
     assert (a.settings.colmap.seed, b.settings.colmap.seed, b.settings.colmap.features) == (

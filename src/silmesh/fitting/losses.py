@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from silmesh.fitting.flatten import flatten_on_cpu
+from silmesh.fitting.laplacian import laplacian_on_cpu
 from silmesh.geometry.edges import number_edges
 from silmesh.settings.fit import FastWeights, Weights
 
@@ -112,12 +113,20 @@ class Laplacian:
     def __init__(self, faces: Tensor, verts: int):
         edges, _ = _number_edges(faces)
         both_ways = torch.cat([edges, edges.flip(1)])
+        both_ways = both_ways[both_ways[:, 0].argsort(stable=True)]
         degree = torch.bincount(both_ways[:, 0], minlength=verts)
-        self._from, self._to = both_ways.unbind(1)
-        self._weight = (1 / degree)[self._from].unsqueeze(1)
+        self._from, self._to = both_ways.T.contiguous()
+        self._starts = torch.cat([degree.new_zeros(1), degree.cumsum(0)])
+        self._weight = (1 / degree.double())[self._from].unsqueeze(1)
 
     def __call__(self, verts: Tensor) -> Tensor:
         """The loss of vertices [verts, 3]."""
+        if verts.device.type == "cpu":
+            return laplacian_on_cpu(verts, self._starts, self._to)
+        return self.in_torch(verts)
+
+    def in_torch(self, verts: Tensor) -> Tensor:
+        """The same in plain torch, on any device."""
         neighbours = verts.index_select(0, self._to) * self._weight.to(verts)
         mean = torch.zeros_like(verts).index_add(0, self._from, neighbours)
         return (verts - mean).square().sum()
