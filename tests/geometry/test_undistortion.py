@@ -140,6 +140,33 @@ def test_an_image_goes_with_its_silhouette(tmp_path, channels):
     assert new[80, 100, 0] == pytest.approx(source - 0.5, abs=0.6)
 
 
+@pytest.mark.parametrize("parameters", [(0.15, -0.05), (-0.3, 0.08)])
+def test_of_large_images_a_lens_is_asked_at_some_pixels(parameters):
+    size = 900
+    cameras = turntable(COUNT, size)
+    lens = Lens("RADIAL", parameters)
+    undistorted = undistort(with_lens(cameras, lens), silhouettes(cameras, AXES, CENTRE))
+    assert set(undistorted.sources) == set(cameras.views)
+    pixels = np.stack(np.meshgrid(*2 * [np.arange(size) + 0.5]), axis=-1)
+    exact = undistorted.bent["v0"].find_sources(pixels)
+    moved = np.linalg.norm(exact - pixels, axis=-1)
+    assert moved.max() > 1
+    assert np.abs(undistorted.sources["v0"] - exact).max() < 0.01
+
+
+def test_a_large_image_beyond_whose_lens_nothing_is_shown_is_asked_everywhere():
+    size = 600
+    cameras = turntable(COUNT, size)
+    lens = Lens("SIMPLE_RADIAL", (-3.0,))
+    undistorted = undistort(with_lens(cameras, lens), silhouettes(cameras, AXES, CENTRE))
+    shown = np.isfinite(undistorted.sources["v0"]).all(axis=-1)
+    assert not shown[0, 0]
+    assert shown[size // 2, size // 2]
+    pixels = np.stack(np.meshgrid(*2 * [np.arange(size) + 0.5]), axis=-1)
+    exact = undistorted.bent["v0"].find_sources(pixels)
+    assert (np.isfinite(exact).all(axis=-1) == shown).all()
+
+
 def test_a_lens_that_shows_no_silhouette_is_refused():
     cameras = turntable(COUNT, SIZE)
     seen = silhouettes(cameras, AXES, CENTRE)

@@ -9,8 +9,9 @@ An undistorted photograph has a curved border. It is taken to fill its image, an
 cuts the silhouette to reach as far as a box does in which it showed something everywhere.
 """
 
+import math
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -23,11 +24,13 @@ from silmesh.errors import InputError
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.frame import count_on_frame, whole_frames
 from silmesh.geometry.lens import Lens
+from silmesh.geometry.small_images import LARGEST
 
 MATTERS = 0.1  # pixels of the working image: a lens that moves the silhouette less is ignored
 # If a silhouette would leave its image, the focal length is shortened until it lies this many
 # pixels within the image.
 MARGIN = 1.0
+COARSE = 8  # pixels of a large image, at every so many of which the lens is asked
 
 
 @dataclass(frozen=True)
@@ -130,7 +133,7 @@ def undistort(
     Raises:
         InputError: a silhouette lies where its lens shows no direction that a pinhole sees
     """
-    K, sources, bent, most = cameras.K.numpy().copy(), {}, {}, 0.0
+    K, changed, bent, most = cameras.K.numpy().copy(), {}, {}, 0.0
     anywhere, whole = silhouettes.any(axis=0), whole_frames(silhouettes)
     frames = whole if frames is None else np.asarray(frames)
     left = frames.copy()
@@ -153,10 +156,13 @@ def undistort(
         if moved > MATTERS:
             K[i] = _fit(undistorted, silhouette) @ K[i]
             bent[view] = replace(bent[view], straight=K[i].copy())
-            sources[view] = _find_sources(silhouette.shape, bent[view])
+            changed[view] = bent[view]
             cut = count_on_frame(silhouettes[i], frames[i]) > 0
-            left[i] = _find_frame(sources[view], frames[i]) if cut else whole[i]
+            left[i] = whole[i]
+            if cut:
+                left[i] = _find_frame(_find_sources(silhouette.shape, bent[view]), frames[i])
     pinholes = replace(cameras, K=torch.as_tensor(K), lenses=())
+    sources = _Sources(changed, silhouettes.shape[1:])
     return Undistorted(pinholes, sources, most, left, bent)
 
 
@@ -196,8 +202,43 @@ def _fit(undistorted: np.ndarray, silhouette: np.ndarray) -> np.ndarray:
     )
 
 
+class _Sources(Mapping[str, np.ndarray]):
+    """Where each pixel's centre of a new image lies in the old one, by view.
+
+    Worked out whenever it is asked for: that of many large images is more than fits in memory.
+    """
+
+    def __init__(self, bent: Mapping[str, Bent], shape: tuple[int, int]):
+        self._bent, self._shape = bent, shape
+
+    def __getitem__(self, view: str) -> np.ndarray:
+        return _find_sources(self._shape, self._bent[view])
+
+    def __contains__(self, view: object) -> bool:
+        return view in self._bent
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._bent)
+
+    def __len__(self) -> int:
+        return len(self._bent)
+
+
 def _find_sources(shape: tuple[int, int], bent: Bent) -> np.ndarray:
-    """Where each pixel's centre of a new image [height, width] lies in the old one."""
+    """Where each pixel's centre of a new image [height, width] lies in the old one.
+
+    Between every COARSE-th pixel of a large image, unless the lens ends within it, along lines:
+    what a lens moves is so smooth that this is less than a hundredth of a pixel off.
+    """
+    if max(shape) > LARGEST:
+        y, x = (np.linspace(0.5, side - 0.5, math.ceil(side / COARSE) + 1) for side in shape)
+        coarse = bent.find_sources(np.stack(np.meshgrid(x, y), axis=-1))
+        if np.isfinite(coarse).all():
+            planes = torch.from_numpy(coarse).permute(2, 0, 1)[None]
+            fine = torch.nn.functional.interpolate(
+                planes, shape, mode="bilinear", align_corners=True
+            )
+            return fine[0].permute(1, 2, 0).float().contiguous().numpy()
     rows, columns = np.indices(shape)
     return bent.find_sources(np.stack([columns, rows], axis=-1) + 0.5).astype(np.float32)
 

@@ -12,6 +12,7 @@ from silmesh.geometry.camera import Cameras, Similarity
 from silmesh.geometry.frame import find_shown
 from silmesh.geometry.robust_hull import robust_carve
 from silmesh.geometry.silhouette_iou import coherence
+from silmesh.geometry.small_images import LARGEST, shrink, shrink_frames
 from silmesh.geometry.thresholds import COHERENT, REFUSED, UNBEATEN
 from silmesh.geometry.undistortion import Undistorted, undistort
 from silmesh.geometry.visual_hull import carve, find_enclosed
@@ -232,8 +233,12 @@ def refuse_incoherent(
     """
     if attempt.cameras is None:
         return attempt
+    cameras = attempt.cameras
+    if max(silhouettes.shape[1:]) > LARGEST:  # judging asks for no more detail
+        frames = shrink_frames(silhouettes, LARGEST, frames)
+        silhouettes, cameras = shrink(silhouettes, cameras, LARGEST)
     try:
-        normalised = normalise(attempt.cameras, silhouettes, frames=frames, points=attempt.points)
+        normalised = normalise(cameras, silhouettes, frames=frames, points=attempt.points)
     except InputError as error:
         why = f"cameras {attempt.source!r}: {error}"
         return replace(attempt, cameras=None, refusal=why)
