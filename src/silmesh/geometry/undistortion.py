@@ -25,6 +25,7 @@ from silmesh.geometry.camera import Cameras
 from silmesh.geometry.frame import count_on_frame, whole_frames
 from silmesh.geometry.lens import Lens
 from silmesh.geometry.small_images import LARGEST
+from silmesh.views import choose_compression
 
 MATTERS = 0.1  # pixels of the working image: a lens that moves the silhouette less is ignored
 # If a silhouette would leave its image, the focal length is shortened until it lies this many
@@ -115,7 +116,7 @@ class Undistorted:
             shutil.copyfile(old, new)
             return
         with Image.open(old) as image:
-            self.image(view, image).save(new)
+            self.image(view, image).save(new, compress_level=choose_compression(image))
 
 
 def undistort(
