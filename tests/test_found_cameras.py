@@ -105,6 +105,8 @@ def test_the_scans(data, tmp_path, name, up, surroundings):
         check_angles(attempt.cameras, truth)
     else:
         assert told["cameras"] == "calibrate"
-        # the wall aligns nothing that is taken; a part of the views may be aligned by the object
-        assert attempt.refusal or 2 * len(attempt.cameras) <= len(truth)
+        # the wall aligns nothing that is taken; parts of the views may be aligned by the object and
+        # joined: what the wall aligns is not coherent with the silhouettes
+        part = attempt.refusal or 2 * len(attempt.cameras) <= len(truth)
+        assert part or attempt.figures["coherence"] > 0.98
     assert np.min(list(told["hull_iou"].values())) > 0.9
