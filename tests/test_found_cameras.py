@@ -63,12 +63,18 @@ def find(mesh, paint, surroundings, count, size, out):
     return read_cameras(out / "scene" / "cameras.json"), truth
 
 
+def angles_off(found, truth):
+    """Degrees by which the found views are turned otherwise, at most."""
+    there = truth.select([truth.views.index(view) for view in found.views])
+    off = azimuths(found.R) - azimuths(there.R)
+    off = torch.remainder(off - off[0] + 180, 360) - 180
+    return (off - off.median()).abs().max()
+
+
 def check_angles(found, truth):
     """All views are there, and turned by what they are to half a degree."""
     assert found.views == truth.views
-    off = azimuths(found.R) - azimuths(truth.R)
-    off = torch.remainder(off - off[0] + 180, 360) - 180
-    assert (off - off.median()).abs().max() < 0.5
+    assert angles_off(found, truth) < 0.5
     assert (-found.R[:, 1, 1]).min() > 0.9  # upright
 
 
@@ -106,7 +112,7 @@ def test_the_scans(data, tmp_path, name, up, surroundings):
     else:
         assert told["cameras"] == "calibrate"
         # the wall aligns nothing that is taken; parts of the views may be aligned by the object and
-        # joined: what the wall aligns is not coherent with the silhouettes
+        # joined by their silhouettes, as the views were turned: the wall stood still
         part = attempt.refusal or 2 * len(attempt.cameras) <= len(truth)
-        assert part or attempt.figures["coherence"] > 0.98
+        assert part or angles_off(attempt.cameras, truth) < 3
     assert np.min(list(told["hull_iou"].values())) > 0.9

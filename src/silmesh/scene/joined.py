@@ -62,7 +62,7 @@ def join_attempts(
         "joins": joins,
         "of_sets": [dict(attempt.figures) for attempt in attempts],
         "disagreeing": merge(attempt.figures.get("disagreeing", {}) for attempt in attempts),
-        **note_coherence(whole.normalised()),
+        **note_coherence(whole.normalised),
     }
     said = [warning for attempt in attempts for warning in attempt.warnings]
     said += [f"cameras {source!r}: {line}" for join in joins for line in join["said"]]
@@ -76,19 +76,19 @@ def _join(first: Part, second: Part) -> tuple[Part, dict[str, Any]]:
     Raises:
         InputError: a set is too small, or no rotation makes them agree
     """
-    worlds = first.normalised(), second.normalised()
+    worlds = first.normalised, second.normalised
     halves = [prepare(*both) for both in zip((first, second), worlds, strict=True)]
     turnings = find_turnings(*halves)
     best, judged = choose(turnings, (first, second), worlds)
     joined, turning, solved = _solve((first, second), worlds, halves, best, judged)
-    coherence, alone = joined.normalised().overall, [world.overall for world in worlds]
+    coherence, alone = joined.normalised.overall, [world.overall for world in worlds]
     accepted = 1 - TIMES * (1 - min(alone)) - LOSS
     if coherence < accepted:
         raise InputError(_say_apart(first, second, coherence, accepted, alone))
     others = [one for one in turnings if best.angle_to(one) > DISTINCT / 2]
     runner_up = None
     if others:
-        rival = bring(first, second, worlds, others[0]).normalised().overall
+        rival = bring(first, second, worlds, others[0]).normalised.overall
         runner_up = {"apart": best.angle_to(others[0]), "coherence": rival}
     join = {
         "views": [len(first.views), len(second.views)],
@@ -129,8 +129,8 @@ def _solve(
     found = None if coloured else solve_together(halves, best)
     if found is None:
         return plain, best, None
-    better, before = bring(*parts, worlds, found), plain.normalised().overall
-    if better.normalised().overall < before:
+    better, before = bring(*parts, worlds, found), plain.normalised.overall
+    if better.normalised.overall < before:
         return plain, best, None
     corrections = found.corrections
     solved = {

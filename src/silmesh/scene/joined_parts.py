@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,7 @@ class Part:
         """[views, 4] of the photographs within the working images."""
         return np.array([view.frame for view in self.views])
 
+    @cached_property
     def normalised(self) -> Normalised:
         """Its cameras in its normalised world."""
         suspects = self.attempt.figures.get("disagreeing", ())
