@@ -7,9 +7,10 @@ gathering the corners and on adding up their gradients.
 import math
 
 import numpy as np
-import torch
 from numba import njit
 from torch import Tensor
+
+from silmesh.fitting.beside import find_beside
 
 
 def flatten_on_cpu(verts: Tensor, diamonds: Tensor, eps: float) -> Tensor:
@@ -17,23 +18,7 @@ def flatten_on_cpu(verts: Tensor, diamonds: Tensor, eps: float) -> Tensor:
 
     ``eps`` keeps lengths and sines above zero, as in ``silmesh.fitting.losses``.
     """
-    return _Flatten.apply(verts, diamonds, eps)
-
-
-class _Flatten(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx, verts, diamonds, eps):
-        at = verts.detach().contiguous().numpy()
-        gradient = np.zeros_like(at)
-        loss = _add_edges(at, diamonds.numpy(), eps, gradient)
-        ctx.save_for_backward(torch.from_numpy(gradient))
-        return verts.new_tensor(loss)
-
-    @staticmethod
-    @torch.autograd.function.once_differentiable
-    def backward(ctx, upstream):
-        (gradient,) = ctx.saved_tensors
-        return gradient * upstream, None, None
+    return find_beside(_add_edges, verts, diamonds, eps)
 
 
 @njit(nogil=True, cache=True, error_model="numpy")

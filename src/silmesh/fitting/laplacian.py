@@ -5,9 +5,10 @@ by one at many times the cost of their arithmetic, forward and backward.
 """
 
 import numpy as np
-import torch
 from numba import njit
 from torch import Tensor
+
+from silmesh.fitting.beside import find_beside
 
 
 def laplacian_on_cpu(verts: Tensor, starts: Tensor, neighbours: Tensor) -> Tensor:
@@ -17,23 +18,7 @@ def laplacian_on_cpu(verts: Tensor, starts: Tensor, neighbours: Tensor) -> Tenso
         starts: [verts + 1], where the neighbours of each vertex begin
         neighbours: [2 edges], those of the first vertex, then of the second, ...
     """
-    return _Laplacian.apply(verts, starts, neighbours)
-
-
-class _Laplacian(torch.autograd.Function):
-    @staticmethod
-    def forward(ctx, verts, starts, neighbours):
-        at = verts.detach().contiguous().numpy()
-        gradient = np.empty_like(at)
-        loss = _add_vertices(at, starts.numpy(), neighbours.numpy(), gradient)
-        ctx.save_for_backward(torch.from_numpy(gradient))
-        return verts.new_tensor(loss)
-
-    @staticmethod
-    @torch.autograd.function.once_differentiable
-    def backward(ctx, upstream):
-        (gradient,) = ctx.saved_tensors
-        return gradient * upstream, None, None
+    return find_beside(_add_vertices, verts, starts, neighbours)
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
