@@ -5,7 +5,7 @@ import pytest
 import torch
 import trimesh
 
-from silmesh.fitting.band import Band, BandLevel, choose_factors
+from silmesh.fitting.band import Band, BandLevel, Hinges, choose_factors
 from silmesh.fitting.losses import iou_loss
 from silmesh.softras import soft_silhouettes
 from silmesh.softras.tiles import TILE, soft_tiles
@@ -40,7 +40,7 @@ def both_losses(points, faces, level, weights=None):
     little through.
     """
     points = points.clone().requires_grad_()
-    band = Band(level, points.detach(), faces)
+    band = Band(level, points.detach(), Hinges.of(faces))
     whole = outside_as_mask(soft_silhouettes(points, faces, (SIZE, SIZE), SIGMA), band.tiles)
     every = np.ones_like(level.silhouettes) if level.known is None else level.known
     known = torch.tensor(every).float()
@@ -79,7 +79,7 @@ def test_a_coarser_level_averages_the_pixels():
     points, faces, silhouettes = scene()
     level = BandLevel(2, silhouettes, SIGMA, 1.0)
     assert level.size == (150, 150)
-    band = Band(level, points / 2, faces)
+    band = Band(level, points / 2, Hinges.of(faces))
     alpha = soft_tiles(points / 2, faces, band.tiles, SIGMA)
     small = torch.nn.functional.avg_pool2d(torch.tensor(silhouettes).float(), 2)
     whole = soft_silhouettes(points / 2, faces, (150, 150), SIGMA)
@@ -98,7 +98,7 @@ def test_the_last_pixels_of_an_odd_size_count_by_what_they_show():
     plate = trimesh.creation.box(bounds=[[-9, 100, 0], [160, 160, 1]])
     corners = torch.tensor(plate.vertices[None, :, :2], dtype=torch.float32)
     faces = torch.tensor(plate.faces)
-    band = Band(level, corners, faces)
+    band = Band(level, corners, Hinges.of(faces))
     loss = band.iou_loss(soft_tiles(corners, faces, band.tiles, SIGMA), [0])
     assert level.size == (151, 151)
     assert loss.item() == pytest.approx(0, abs=1e-3)
@@ -109,14 +109,16 @@ def test_the_band_grows_with_the_outline_not_with_the_area():
         wide = np.kron(disc(150, 150, 100), np.ones((scale, scale), bool))[None]
         mesh = trimesh.creation.icosphere(4)
         points = torch.tensor(mesh.vertices[None, :, :2] * 100 + 150, dtype=torch.float32) * scale
-        return Band(BandLevel(1, wide, SIGMA, 1.0), points, torch.tensor(mesh.faces)).tiles.count
+        return Band(
+            BandLevel(1, wide, SIGMA, 1.0), points, Hinges.of(torch.tensor(mesh.faces))
+        ).tiles.count
 
     assert share(4) < 2.5 * share(2)
 
 
 def test_the_band_holds_until_a_point_moves_by_its_margin():
     points, faces, silhouettes = scene()
-    band = Band(BandLevel(1, silhouettes, SIGMA, 1.0), points, faces)
+    band = Band(BandLevel(1, silhouettes, SIGMA, 1.0), points, Hinges.of(faces))
     moved = points.clone()
     moved[1, 7, 0] += 3.9
     assert band.holds(moved, [0, 1])

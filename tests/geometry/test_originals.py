@@ -10,7 +10,8 @@ from scenes import turntable
 
 from silmesh.geometry.lens import Lens
 from silmesh.geometry.originals import Originals
-from silmesh.geometry.undistortion import undistort
+from silmesh.geometry.resampling import resample
+from silmesh.geometry.undistortion import Bent, undistort
 from silmesh.views import place_view
 
 SIZE, WIDTH, HEIGHT = 64, 300, 200
@@ -73,6 +74,38 @@ def test_lenses_are_taken_away_at_the_photographs_own_size(tmp_path, lens):
     assert np.abs(find_spots(originals.read(0)) - expected).max() < 0.08
     ignored = Originals(straight.cameras, [view]).read(0)
     assert np.abs(find_spots(ignored) - expected).max() > 0.12
+
+
+def test_a_large_photograph_is_straightened_as_if_each_pixel_asked_the_lens(tmp_path):
+    width, height, path = 700, 560, tmp_path / "a.png"
+    y, x = np.mgrid[:height, :width]
+    waves = np.stack([np.sin(x / 3), np.sin(y / 4), np.sin((x + y) / 5)], axis=-1)
+    Image.fromarray((127 + 120 * waves).astype(np.uint8)).save(path)
+    view = place_view("a", str(path), width, height, SIZE, "pad")
+    camera = turntable(1, SIZE, elevation=20).named(["a"])
+    bent = Bent(LENS, camera.K[0].numpy(), camera.K[0].numpy())
+    originals = Originals(camera, [view], {"a": bent.describe()})
+
+    matrix, back = view.pixel_map, np.linalg.inv(view.pixel_map)
+    centres = np.stack([x, y], axis=-1) + 0.5
+    working = bent.find_sources(centres * matrix[[0, 1], [0, 1]] + matrix[:2, 2])
+    sources = working * back[[0, 1], [0, 1]] + back[:2, 2]
+    shown = np.asarray(Image.open(path), np.float32)
+    expected = resample(shown, sources, (height, width), cubic=True).clip(0, 255)
+    assert np.abs(sources - centres).max() > 20
+    assert np.abs(originals.read(0) - expected).max() < 1.5
+
+
+@pytest.mark.parametrize("kept", [True, False])
+def test_photographs_are_kept_where_there_is_room(tmp_path, monkeypatch, kept):
+    monkeypatch.setattr("silmesh.geometry.originals.KEPT", 3 * WIDTH * HEIGHT - (not kept))
+    view, camera = photograph(tmp_path / "a.png", "pad")
+    originals = Originals(camera, [view])
+    first = originals.read(0)
+    draw(tmp_path / "a.png", [(10.0, 10.0)] * 3)
+    again = originals.read(0)
+    assert (again is first) == kept
+    assert (find_spots(again)[0] == pytest.approx([10, 10], abs=0.5)) != kept
 
 
 def test_working_images_are_enlarged_to_the_photographs_pixels(tmp_path):

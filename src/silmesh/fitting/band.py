@@ -28,6 +28,7 @@ from silmesh.softras.tiles import TILE, Tiles, count_tiles, find_tiles
 
 CELL = 8  # pixels: the grain in which outlines are looked for
 MARGIN = CELL / 2  # pixels: the band reaches so far, and is found anew when a vertex moved that far
+FARTHEST = 1e5  # pixels: of a vertex near a camera's plane nothing is to be seen
 CENTRE = 1e-6  # sigma with which the centres of tiles are looked at, in images of a pixel a tile
 
 
@@ -74,24 +75,43 @@ class BandLevel:
         return cells
 
 
+class Hinges(NamedTuple):
+    """The edges of a closed mesh with the two faces about each.
+
+    Attributes:
+        faces: [faces, 3] int64
+        ends: [edges, 2] vertices
+        sides: [edges, 2] faces
+    """
+
+    faces: Tensor
+    ends: np.ndarray
+    sides: np.ndarray
+
+    @classmethod
+    def of(cls, faces: Tensor) -> "Hinges":
+        """Those of a mesh."""
+        ends, of_face = number_edges(faces.cpu().numpy())
+        order = np.argsort(of_face.ravel(), kind="stable")
+        return cls(faces, ends, order.reshape(len(ends), 2) // 3)
+
+
 class Band:
     """The tiles about the outlines of a level's silhouettes and of a mesh, and what is outside.
 
     Args:
         level: whose images they are of
         points: [views, verts, 2] of the mesh, in pixels of the level
-        faces: [faces, 3] int64
+        hinges: of the mesh
     """
 
-    def __init__(self, level: BandLevel, points: Tensor, faces: Tensor):
+    def __init__(self, level: BandLevel, points: Tensor, hinges: Hinges):
         self._points = points
-        ours = faces.cpu().numpy()
-        edges, of_face = number_edges(ours)
-        sides = _find_sides(of_face, len(edges))
+        faces, mesh = hinges.faces, (hinges.faces.cpu().numpy(), hinges.ends, hinges.sides)
         pixels, wanted = points.cpu().numpy(), []
         for view, cells in enumerate(level.cells):
             found = _find_outline_cells(cells)
-            _mark_contour(found, pixels[view], ours, edges, sides)
+            _mark_contour(found, pixels[view], *mesh)
             wanted.append(_pool(found))
         sums = np.stack([_sum_tiles(cells) for cells in level.cells])
         self.tiles, on = find_tiles(np.stack(wanted), level.size), points.device
@@ -194,31 +214,36 @@ def _find_outline_cells(cells: np.ndarray) -> np.ndarray:
     return ndimage.binary_dilation(inside, around) & ndimage.binary_dilation(outside, around)
 
 
-def _find_sides(of_face: np.ndarray, count: int) -> np.ndarray:
-    """The two faces about each edge of a closed mesh: [edges, 2]."""
-    order = np.argsort(of_face.ravel(), kind="stable")
-    return order.reshape(count, 2) // 3
+@njit(nogil=True, cache=True, error_model="numpy")
+def _mark_contour(cells, points, faces, edges, sides):
+    """Mark the cells within ``MARGIN`` of edges about which a mesh turns away from the camera.
 
-
-def _mark_contour(
-    cells: np.ndarray, points: np.ndarray, faces: np.ndarray, edges: np.ndarray, sides: np.ndarray
-) -> None:
-    """Mark the cells within ``MARGIN`` of edges about which a mesh turns away from the camera."""
-    a, b, c = (points[faces[:, i]] for i in range(3))
-    facing = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0] > 0
-    contour = points[edges[facing[sides[:, 0]] != facing[sides[:, 1]]]]  # [contour, 2, 2]
-    contour = contour[np.isfinite(contour).all(axis=(1, 2))]
-    if not len(contour):
-        return
-    longest = np.abs(contour[:, 1] - contour[:, 0]).max()
-    shares = np.linspace(0, 1, 2 + int(min(longest, 4 * TILE * len(cells)) // CELL))
-    for share in shares:
-        at = contour[:, 0] + share * (contour[:, 1] - contour[:, 0])
-        for shift in np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]]) * MARGIN:
-            column, row = np.floor((at + shift) / CELL).clip(-1, 1e6).astype(int).T
-            within = (row >= 0) & (row < cells.shape[0]) & (column >= 0)
-            within &= column < cells.shape[1]
-            cells[row[within], column[within]] = True
+    Args:
+        cells: [rows, columns] bool, marked
+        points: [verts, 2] in pixels
+        faces, edges, sides: as ``Hinges`` has them
+    """
+    rows, columns = cells.shape
+    facing = np.empty(len(faces), np.bool_)
+    for f in range(len(faces)):
+        a, b, c = points[faces[f, 0]], points[faces[f, 1]], points[faces[f, 2]]
+        facing[f] = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]) > 0
+    for e in range(len(edges)):
+        if facing[sides[e, 0]] == facing[sides[e, 1]]:
+            continue
+        x, y = points[edges[e, 0]]
+        along, down = points[edges[e, 1], 0] - x, points[edges[e, 1], 1] - y
+        if not (abs(x) < FARTHEST and abs(y) < FARTHEST):
+            continue
+        if not (abs(along) < FARTHEST and abs(down) < FARTHEST):
+            continue
+        count = 1 + int(max(abs(along), abs(down)) / CELL)
+        for k in range(count + 1):
+            u, v = x + k / count * along, y + k / count * down
+            for row in (int((v - MARGIN) // CELL), int((v + MARGIN) // CELL)):
+                for column in (int((u - MARGIN) // CELL), int((u + MARGIN) // CELL)):
+                    if 0 <= row < rows and 0 <= column < columns:
+                        cells[row, column] = True
 
 
 def _pool(cells: np.ndarray) -> np.ndarray:

@@ -20,7 +20,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from silmesh.fitting.band import Band, BandLevel
+from silmesh.fitting.band import Band, BandLevel, Hinges
 from silmesh.fitting.camera_refinement import Refinement, RefinementAdam
 from silmesh.fitting.image_pyramid import BASE, Images, PyramidLevel, build_levels
 from silmesh.fitting.loop import read_finite
@@ -222,7 +222,8 @@ class Fast:
         state, every = self._state, list(range(len(self._refinement.cameras)))
         cameras = self._refinement.cameras
         cameras = self._refinement(state.seen_by, every) if state.near else cameras
-        return Band(level, level.scale_cameras(cameras).project(state.seen), self.faces)
+        self._hinges = self._hinges or Hinges.of(self.faces)
+        return Band(level, level.scale_cameras(cameras).project(state.seen), self._hinges)
 
     def _forget_band(self) -> None:
         self._band = self._state.seen = self._state.seen_by = None
@@ -325,7 +326,7 @@ class Fast:
 
     def _take_faces(self, faces: Tensor, count: int) -> None:
         """Prepare what depends on the faces alone."""
-        settings = self._settings
+        settings, self._hinges = self._settings, None  # of the faces, where a band is found
         self._smooth = Smooth(faces, count, settings.smoothing)
         self._objective = Objective(faces, count, self._weigh())
 

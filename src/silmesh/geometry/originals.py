@@ -1,10 +1,11 @@
-"""The photographs at their own size, as pinhole cameras see them; one is in memory at a time.
+"""The photographs at their own size, as pinhole cameras see them.
 
 The fit sees working images of a few hundred pixels; colours, fine relief and their measures need
 what was photographed. A photograph's pixels are those of the working image but for a scale and a
 shift (``views.View``), so cameras of working images become cameras of photographs by their K alone,
 also where the fit has refined them. A lens is taken away at the photograph's own size, where it
-moves more pixels than in the working image.
+moves more pixels than in the working image. Photographs stay in memory once they were read if
+there is room for all of them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,10 +16,11 @@ import torch
 from PIL import Image
 
 from silmesh.geometry.camera import Cameras
-from silmesh.geometry.undistortion import Bent, sample
+from silmesh.geometry.resampling import resample
+from silmesh.geometry.undistortion import Bent, follow
 from silmesh.views import View, read_photograph
 
-ROWS = 256  # of a photograph whose sources are computed at a time, which bounds the memory
+KEPT = 256_000_000  # bytes of all photographs that stay in memory; of more none does
 
 
 class Originals:
@@ -47,6 +49,8 @@ class Originals:
         self._maps = [_find_map(*pair) for pair in zip(self._views, sizes, strict=True)]
         maps = torch.tensor(np.stack(self._maps))
         self.cameras = cameras.in_pixels_of(maps, torch.tensor(sizes, dtype=torch.int64))
+        self._keeps = sum(3 * width * height for width, height in sizes) <= KEPT
+        self._read: dict[int, np.ndarray] = {}
 
     def __len__(self) -> int:
         return len(self._views)
@@ -54,9 +58,19 @@ class Originals:
     def read(self, i: int) -> np.ndarray:
         """The photograph of the i-th camera, [height, width, 3] uint8 sRGB; black beyond its frame.
 
+        It is not to be written to.
+
         Raises:
             InputError: it can no longer be read
         """
+        if i in self._read:
+            return self._read[i]
+        photograph = self._read_file(i)
+        if self._keeps:
+            self._read[i] = photograph
+        return photograph
+
+    def _read_file(self, i: int) -> np.ndarray:
         view, size = self._views[i], tuple(self.cameras.sizes[i].tolist())
         image = read_photograph(view, size).convert("RGB")
         if image.size != size:
@@ -73,22 +87,19 @@ class Originals:
             [height, width] of the same kind, numbers as float32
         """
         width, height = self.cameras.sizes[i].tolist()
-        found = np.empty((height, width), np.float32)
-        for rows in _bands(height):
-            sources = self._to_working(_centres(rows, width), i).astype(np.float32)
-            found[rows] = sample(image[..., None].astype(np.float32), sources, "bilinear")[..., 0]
-        return found >= 0.5 if image.dtype == bool else found
+        corners = np.array([[[x, y] for x in (0.5, width - 0.5)] for y in (0.5, height - 0.5)])
+        given = image if image.dtype == bool else image.astype(np.float32)
+        return resample(given, self._to_working(corners, i), (height, width))
 
     def _straighten(self, pixels: np.ndarray, i: int) -> np.ndarray:
         """A photograph as a camera without its lens shows it."""
-        bent, straight = self._bent[self._views[i].view], np.empty_like(pixels)
-        height, width = pixels.shape[:2]
-        for rows in _bands(height):
-            working = bent.find_sources(self._to_working(_centres(rows, width), i))
-            sources = _apply(self._maps[i], working).astype(np.float32)
-            sampled = sample(pixels.astype(np.float32), sources, "bicubic")
-            straight[rows] = sampled.round().clip(0, 255)
-        return straight
+        bent = self._bent[self._views[i].view]
+
+        def find(places: np.ndarray) -> np.ndarray:
+            return _apply(self._maps[i], bent.find_sources(self._to_working(places, i)))
+
+        shape = pixels.shape[:2]
+        return resample(pixels, follow(find, shape), shape, cubic=True)
 
     def _to_working(self, pixels: np.ndarray, i: int) -> np.ndarray:
         return _apply(np.linalg.inv(self._maps[i]), pixels)
@@ -109,13 +120,3 @@ def _find_map(view: View, size: tuple[int, int]) -> np.ndarray:
 def _apply(matrix: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     """A scale and a shift of pixels [..., 2]."""
     return pixels * matrix[[0, 1], [0, 1]] + matrix[:2, 2]
-
-
-def _bands(height: int) -> list[slice]:
-    return [slice(top, min(top + ROWS, height)) for top in range(0, height, ROWS)]
-
-
-def _centres(rows: slice, width: int) -> np.ndarray:
-    """The centres of the pixels of some rows: [rows, width, 2], x and y."""
-    y, x = np.mgrid[rows, :width]
-    return np.stack([x, y], axis=-1) + 0.5

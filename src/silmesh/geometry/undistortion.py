@@ -11,7 +11,8 @@ cuts the silhouette to reach as far as a box does in which it showed something e
 
 import math
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -72,8 +73,8 @@ class Undistorted:
 
     Attributes:
         cameras: without lenses
-        sources: by the views that change: [height, width, 2] float32, where each pixel of the new
-            image lies in the old one, in pixels; NaN where it showed nothing
+        sources: by the views that change: where pixels of the new image lie in the old one, as
+            ``resample`` takes it
         displacement: in pixels of the working images, the largest that any lens causes
         frames: [views, 4] left, top, right and bottom of the photographs within the new
             images; None if that was not asked
@@ -93,22 +94,19 @@ class Undistorted:
         """
         if not self.sources:
             return old
-        views = zip(self.cameras.views, old, strict=True)
-        return np.stack([self._silhouette(view, silhouette) for view, silhouette in views])
-
-    def _silhouette(self, view: str, old: np.ndarray) -> np.ndarray:
-        if view not in self.sources:
-            return old
-        return sample(old[..., None] * 1.0, self.sources[view], "bilinear")[..., 0] >= 0.5
+        with ThreadPoolExecutor(torch.get_num_threads()) as pool:
+            return np.stack(list(pool.map(self._change, self.cameras.views, old)))
 
     def image(self, view: str, old: Image.Image) -> Image.Image:
         """A view's working image, undistorted."""
         if view not in self.sources:
             return old
-        pixels = np.asarray(old, np.float64)
-        sampled = sample(np.atleast_3d(pixels), self.sources[view], "bicubic")
-        rounded = sampled.round().clip(0, 255).astype(np.uint8)
-        return Image.fromarray(rounded.reshape(pixels.shape))
+        return Image.fromarray(self._change(view, np.asarray(old), cubic=True))
+
+    def _change(self, view: str, old: np.ndarray, cubic: bool = False) -> np.ndarray:
+        if view not in self.sources:
+            return old
+        return _resample(old, self.sources[view], cubic)
 
     def write_image(self, view: str, old: Path, new: Path) -> None:
         """Write the file of a view's working image, undistorted."""
@@ -161,7 +159,7 @@ def undistort(
             cut = count_on_frame(silhouettes[i], frames[i]) > 0
             left[i] = whole[i]
             if cut:
-                left[i] = _find_frame(_find_sources(silhouette.shape, bent[view]), frames[i])
+                left[i] = _find_frame(silhouette.shape, bent[view], frames[i])
     pinholes = replace(cameras, K=torch.as_tensor(K), lenses=())
     sources = _Sources(changed, silhouettes.shape[1:])
     return Undistorted(pinholes, sources, most, left, bent)
@@ -204,16 +202,13 @@ def _fit(undistorted: np.ndarray, silhouette: np.ndarray) -> np.ndarray:
 
 
 class _Sources(Mapping[str, np.ndarray]):
-    """Where each pixel's centre of a new image lies in the old one, by view.
-
-    Worked out whenever it is asked for: that of many large images is more than fits in memory.
-    """
+    """Where pixels of a new image lie in the old one, by view; worked out when it is asked for."""
 
     def __init__(self, bent: Mapping[str, Bent], shape: tuple[int, int]):
         self._bent, self._shape = bent, shape
 
     def __getitem__(self, view: str) -> np.ndarray:
-        return _find_sources(self._shape, self._bent[view])
+        return follow(self._bent[view].find_sources, self._shape)
 
     def __contains__(self, view: object) -> bool:
         return view in self._bent
@@ -225,32 +220,36 @@ class _Sources(Mapping[str, np.ndarray]):
         return len(self._bent)
 
 
-def _find_sources(shape: tuple[int, int], bent: Bent) -> np.ndarray:
-    """Where each pixel's centre of a new image [height, width] lies in the old one.
+def follow(find: Callable[[np.ndarray], np.ndarray], shape: tuple[int, int]) -> np.ndarray:
+    """Where a lens leads pixels of an image [height, width], as ``resample`` takes it.
 
-    Between every COARSE-th pixel of a large image, unless the lens ends within it, along lines:
-    what a lens moves is so smooth that this is less than a hundredth of a pixel off.
+    Of a large image about every COARSE-th, unless the lens ends within it: what a lens moves is so
+    smooth that what lies between is less than a hundredth of a pixel off.
+
+    Args:
+        find: leads pixels [..., 2] to others, NaN for nowhere
     """
     if max(shape) > LARGEST:
-        y, x = (np.linspace(0.5, side - 0.5, math.ceil(side / COARSE) + 1) for side in shape)
-        coarse = bent.find_sources(np.stack(np.meshgrid(x, y), axis=-1))
+        coarse = find(_spread(shape, [math.ceil(side / COARSE) + 1 for side in shape]))
         if np.isfinite(coarse).all():
-            planes = torch.from_numpy(coarse).permute(2, 0, 1)[None]
-            fine = torch.nn.functional.interpolate(
-                planes, shape, mode="bilinear", align_corners=True
-            )
-            return fine[0].permute(1, 2, 0).float().contiguous().numpy()
-    rows, columns = np.indices(shape)
-    return bent.find_sources(np.stack([columns, rows], axis=-1) + 0.5).astype(np.float32)
+            return coarse
+    return find(_spread(shape, shape))
 
 
-def _find_frame(sources: np.ndarray, frame: np.ndarray) -> list[int]:
+def _spread(shape: tuple[int, int], counts: Sequence[int]) -> np.ndarray:
+    """Pixels' centres from the first to the last along both sides: [rows, columns, 2]."""
+    y, x = (np.linspace(0.5, side - 0.5, count) for side, count in zip(shape, counts, strict=True))
+    return np.stack(np.meshgrid(x, y), axis=-1)
+
+
+def _find_frame(shape: tuple[int, int], bent: Bent, frame: np.ndarray) -> list[int]:
     """A box of new pixels of which each was within the photograph's frame in the old image.
 
     From the whole image on, the side that holds the largest share of others is moved inwards.
     """
-    with np.errstate(invalid="ignore"):
-        there = ((sources > frame[:2]) & (sources < frame[2:])).all(axis=2)
+    photographed = np.zeros(shape, bool)
+    photographed[frame[1] : frame[3], frame[0] : frame[2]] = True
+    there = _resample(photographed, follow(bent.find_sources, shape))
     left, top, bottom, right = 0, 0, *there.shape
     while not (box := there[top:bottom, left:right]).all():
         sides = [box[:, 0], box[0], box[:, -1], box[-1]]
@@ -260,11 +259,8 @@ def _find_frame(sources: np.ndarray, frame: np.ndarray) -> list[int]:
     return [left, top, right, bottom]
 
 
-def sample(image: np.ndarray, sources: np.ndarray, mode: str) -> np.ndarray:
-    """An image [height, width, channels] at pixels [height, width, 2]; zero beyond it."""
-    size = torch.tensor(image.shape[1::-1])
-    grid = torch.as_tensor(sources) / size * 2 - 1  # -1 and 1 are the borders, not the centres
-    grid = grid.nan_to_num(nan=-3.0).unsqueeze(0)
-    planes = torch.as_tensor(np.moveaxis(image, -1, 0)).to(grid).unsqueeze(0)
-    sampled = torch.nn.functional.grid_sample(planes, grid, mode, "zeros", align_corners=False)
-    return np.moveaxis(sampled[0].numpy(), 0, -1)
+def _resample(old: np.ndarray, sources: np.ndarray, cubic: bool = False) -> np.ndarray:
+    """An image at other places, of the same size."""
+    from silmesh.geometry.resampling import resample  # numba loads in a second, for few cameras
+
+    return resample(old, sources, old.shape[:2], cubic)

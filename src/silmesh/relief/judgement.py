@@ -24,8 +24,8 @@ from scipy.ndimage import minimum_filter
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.mesh_files import to_tensors
 from silmesh.geometry.originals import Originals
+from silmesh.geometry.resampling import resample
 from silmesh.geometry.silhouette_iou import silhouette_iou
-from silmesh.geometry.undistortion import sample
 from silmesh.progress import Share, untold, within
 from silmesh.relief.free_space import Grid
 from silmesh.relief.refinement import Doubt, Relief, refine
@@ -320,8 +320,8 @@ def _look_up(
     pixels = seen[:, :2] / seen[:, 2:]
     width, height = cameras.sizes[view].tolist()
     within = ((pixels > 0) & (pixels < (width, height))).all(axis=1)
-    facing, pixels = facing[within], pixels[within].astype(np.float32)
-    colours = sample(picture, pixels[None], "bilinear")[0]
+    facing, pixels = facing[within], pixels[within]
+    colours = resample(picture, pixels[None], (1, len(pixels)))[0]
     found[facing] = cosine[facing, None] * np.column_stack([colours, np.ones(len(facing))])
     return found
 

@@ -4,12 +4,13 @@ import igl
 import numpy as np
 import torch
 import trimesh
-from scipy.ndimage import distance_transform_edt, map_coordinates
+from scipy.ndimage import map_coordinates
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from skimage.measure import marching_cubes
 
 from silmesh.geometry.camera import Cameras
+from silmesh.geometry.depth_within import depth_within
 from silmesh.relief.free_space import Grid
 
 OUTLINE, PHOTOGRAPHS, GUESS = 0, 1, 2  # what a vertex stands on
@@ -66,7 +67,7 @@ def judge_standing(
     rim = np.zeros(len(verts), bool)
     pixels = cameras.project(torch.from_numpy(np.float64(verts))).numpy()
     for silhouette, at in zip(silhouettes, pixels, strict=True):
-        inside = distance_transform_edt(silhouette)
+        inside = depth_within(silhouette, int(ON_OUTLINE) + 1)
         height, width = silhouette.shape
         known = np.isfinite(at).all(axis=1)
         column, row = np.where(known[:, None], at, -1).astype(int).T

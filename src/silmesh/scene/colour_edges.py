@@ -11,8 +11,10 @@ do.
 """
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+import torch
 from PIL import Image
 from scipy import fft, ndimage
 
@@ -115,14 +117,15 @@ def compare_all(
         silhouettes: [views, height, width] bool
         frames: [views, 4] of the photographs within the images, as ``compare`` takes them
     """
-    found = []
-    for view, silhouette, frame in zip(views, silhouettes, frames, strict=True):
+
+    def measure(view: str, silhouette: np.ndarray, frame: np.ndarray) -> Figures:
         image = images[view]
         if image.has_transparency_data:
-            found.append(dict.fromkeys(MEASURES, np.nan))
-        else:
-            found.append(compare(np.asarray(image.convert("RGB")), silhouette, frame))
-    return found
+            return dict.fromkeys(MEASURES, np.nan)
+        return compare(np.asarray(image.convert("RGB")), silhouette, frame)
+
+    with ThreadPoolExecutor(torch.get_num_threads()) as pool:
+        return list(pool.map(measure, views, silhouettes, frames))
 
 
 def describe_offset(figures: Sequence[Figures]) -> list[str]:

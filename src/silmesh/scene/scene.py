@@ -9,6 +9,7 @@ own world, by which an object is placed that most frames cut.
 
 import json
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -31,7 +32,7 @@ from silmesh.geometry.frame import find_shown, find_whole, is_cut
 from silmesh.geometry.small_images import LARGEST
 from silmesh.geometry.undistortion import Undistorted
 from silmesh.geometry.whereabouts import find_body
-from silmesh.silhouettes import encode, read_silhouettes
+from silmesh.silhouettes import read_silhouettes, write_silhouette
 from silmesh.views import ImageFolder
 
 AROUND = 0.05  # mean squared sine of the angles to the line that most cameras look along
@@ -231,10 +232,14 @@ def write_scene(
             np.save(part / POINTS, scene.points)
         for name in (VIEWS, SILHOUETTES):
             (part / name).mkdir()
-        for view, silhouette in zip(scene.cameras.views, scene.silhouettes, strict=True):
+
+        def write(view: str, silhouette: np.ndarray) -> None:
             name = f"{view}.png"
             undistorted.write_image(view, images / name, part / VIEWS / name)
-            encode(silhouette).save(part / SILHOUETTES / name)
+            write_silhouette(part / SILHOUETTES / name, silhouette)
+
+        with ThreadPoolExecutor(torch.get_num_threads()) as pool:
+            list(pool.map(write, scene.cameras.views, scene.silhouettes))
         said = json.dumps(scene.describe(), indent=1)
         (part / "scene.json").write_text(said + "\n", encoding="utf-8")
 

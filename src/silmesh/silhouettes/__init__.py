@@ -23,7 +23,7 @@ from silmesh.files import making
 from silmesh.own_code import own_file
 from silmesh.settings.silhouettes import Networks
 from silmesh.silhouettes import alpha, mask
-from silmesh.views import ImageFolder, View
+from silmesh.views import ImageFolder, View, choose_compression
 
 
 def _find_by_threshold(image: Image.Image, view: View, file: Path | None) -> np.ndarray:
@@ -174,7 +174,7 @@ def write_silhouettes(
             source, views, ImageFolder(images), masks, settings, spare, progress, threads
         )
         for view, silhouette in zip(views, found.silhouettes, strict=True):
-            encode(silhouette).save(part / f"{view.view}.png")
+            write_silhouette(part / f"{view.view}.png", silhouette)
         if found.lost:
             lost = json.dumps(found.lost, indent=1)
             (part / LOST).write_text(lost + "\n", encoding="utf-8")
@@ -223,9 +223,14 @@ def _refuse_other_count(source: str, views: Sequence[View], masks: Sequence[Path
 
 def encode(silhouette: np.ndarray) -> Image.Image:
     """A silhouette, [height, width] bool, as the report's RGBA image."""
-    rgba = np.zeros((*silhouette.shape, 4), np.uint8)
-    rgba[silhouette] = (GREY, GREY, GREY, 255)
-    return Image.fromarray(rgba)
+    inside = np.array([GREY, GREY, GREY, 255], np.uint8).view(np.uint32)
+    return Image.fromarray((silhouette * inside).view(np.uint8).reshape(*silhouette.shape, 4))
+
+
+def write_silhouette(file: Path, silhouette: np.ndarray) -> None:
+    """Write a silhouette, [height, width] bool, as the report's RGBA image."""
+    image = encode(silhouette)
+    image.save(file, compress_level=choose_compression(image))
 
 
 def read_silhouettes(folder: Path, views: Sequence[str]) -> np.ndarray:

@@ -26,7 +26,7 @@ from silmesh.settings.texture import Texture
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import add_settings, output_file, parser, run
 from silmesh.texture.vertex_colours import colour_vertices
-from silmesh.views import ImageFolder, read_views, stack_pictures
+from silmesh.views import ImageFolder, Pictures, read_views
 
 
 def main(argv: Sequence[str] | None = None) -> None:
@@ -49,7 +49,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         )
     for warning in baked.notes["warnings"]:
         print(f"silmesh: {given.name}: {warning}", file=sys.stderr)
-    pictures = stack_pictures(ImageFolder(given.scene / VIEWS), cameras.views)
+    pictures = Pictures(ImageFolder(given.scene / VIEWS), cameras.views)
     colours = colour_vertices(mesh.vertices, mesh.faces, cameras, pictures, silhouettes)
     write_coloured([given.coloured], mesh, colours)
     with replacing(given.notes) as part:

@@ -19,7 +19,7 @@ from silmesh.texture.raster import draw, weigh_corners
 
 RESOLUTION = 1024  # texels of the square that charts are packed for
 PADDING = 4  # texels of it between charts
-PART = 16_000  # triangles that are cut into charts together; the time grows with their square
+PART = 4_000  # triangles that are cut into charts together; the time grows with their square
 
 
 @dataclass(frozen=True)

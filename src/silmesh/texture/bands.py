@@ -42,5 +42,5 @@ def average_blocks(image: np.ndarray, step: int) -> np.ndarray:
     """The means of blocks of step x step, an image's edge repeated: [rows, columns] float32."""
     height, width = image.shape
     padded = np.pad(image, [(0, -height % step), (0, -width % step)], mode="edge")
-    blocks = padded.reshape(len(padded) // step, step, -1, step)
-    return blocks.mean(axis=(1, 3), dtype=np.float32)
+    rows = padded.reshape(-1, step, padded.shape[1]).sum(axis=1, dtype=np.float32)
+    return rows.reshape(len(rows), -1, step).sum(axis=2) / np.float32(step**2)

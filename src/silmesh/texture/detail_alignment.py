@@ -53,7 +53,7 @@ class Details:
 def take_details(photograph: np.ndarray, silhouette: np.ndarray, weights: np.ndarray) -> Details:
     """The detail of a photograph [height, width, 3] within its silhouette [height, width]."""
     step = max(1, -(-max(silhouette.shape) // LONGEST))
-    grey = photograph.mean(axis=2, dtype=np.float32) * silhouette
+    grey = photograph.astype(np.float32) @ np.full(3, 1 / 3, np.float32) * silhouette
     count = silhouette.astype(np.float32)
     if step > 1:
         grey, count = (average_blocks(image, step) for image in (grey, count))

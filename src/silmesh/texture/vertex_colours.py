@@ -15,9 +15,10 @@ from collections.abc import Sequence
 
 import numpy as np
 import trimesh
-from scipy.ndimage import distance_transform_edt, map_coordinates
+from scipy.ndimage import map_coordinates
 
 from silmesh.geometry.camera import Cameras
+from silmesh.geometry.depth_within import depth_within
 from silmesh.geometry.edges import link_ends, number_edges
 
 SQUARE = 3
@@ -52,7 +53,7 @@ def colour_vertices(
     for i in range(len(cameras)):
         squareness = _see(mesh, cameras.centres[i].numpy())
         pixels = _project(cameras.projections[i].numpy(), verts)
-        depth = _sample(_pad_edt(silhouettes[i]), pixels)
+        depth = _sample(_measure_depths(silhouettes[i]), pixels)
         weights[i] = squareness**SQUARE * _feather(depth)
         photograph = photographs[i]
         for channel in range(3):
@@ -83,14 +84,14 @@ def _project(P: np.ndarray, verts: np.ndarray) -> np.ndarray:
 
 def _sample(image: np.ndarray, pixels: np.ndarray) -> np.ndarray:
     """An image [height, width] at pixels [n, 2], bilinear; 0 beyond it: [n]."""
-    return map_coordinates(image.astype(float), pixels.T[::-1] - 0.5, order=1, mode="grid-constant")
+    at = pixels.T[::-1] - 0.5
+    return map_coordinates(image, at, order=1, mode="grid-constant", output=np.float64)
 
 
-def _pad_edt(silhouette: np.ndarray) -> np.ndarray:
-    """Distance of pixels inside a silhouette to its outline, the image's border being none."""
-    wide = int(ERODE + FEATHER) + 1
-    inside = distance_transform_edt(np.pad(silhouette, wide, mode="edge"))
-    return (inside - 0.5 * (inside > 0))[wide:-wide, wide:-wide]
+def _measure_depths(silhouette: np.ndarray) -> np.ndarray:
+    """Distance of pixels inside a silhouette to its outline, as far as it matters."""
+    inside = depth_within(silhouette, int(ERODE + FEATHER) + 3)
+    return inside - 0.5 * (inside > 0)
 
 
 def _feather(depth: np.ndarray) -> np.ndarray:
