@@ -135,10 +135,25 @@ def test_it_ends_with_the_process_that_started_it():
         "print(os.environ[fork_server.NAME], flush=True); sys.stdin.read()"
     )
     command, pipe = [sys.executable, "-c", code], subprocess.PIPE
-    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True) as parent:
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True, env=alone()) as parent:
         name = parent.stdout.readline().strip()
         assert wait_for(lambda: name in names())
         parent.kill()
+    assert wait_for(lambda: name not in names())
+
+
+def test_one_that_serves_a_command_is_found_and_ends_with_it():
+    before, starting = (
+        dict(os.environ),
+        "from silmesh.steps import fork_server as f; print(f.start())",
+    )
+    with fork_server.serving() as served:
+        name = served[fork_server.NAME]
+        assert wait_for(lambda: name in names())
+        assert outcome("views", "--help", env=alone() | served)[0] == 0
+        command = [sys.executable, "-c", starting]
+        assert subprocess.check_output(command, text=True, env=alone() | served) == "None\n"
+        assert os.environ == before
     assert wait_for(lambda: name not in names())
 
 
@@ -175,6 +190,7 @@ def test_another_user_who_answers_is_told_nothing():
 
 def test_a_fork_ends_with_the_process_that_it_is_a_fork_of(tmp_path):
     before = dict(os.environ)
+    os.environ.pop(fork_server.NAME, None)  # of the one that waits for the other tests
     process = fork_server.start()
     assert wait_for(lambda: os.environ[fork_server.NAME] in names())
     asker = photograph(tmp_path / "long", 500)

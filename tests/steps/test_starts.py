@@ -46,5 +46,10 @@ def test_a_step_imports_only_what_it_needs(step, spared):
     assert spared & modules_after(f"import silmesh.steps.{step}") == set()
 
 
+def test_the_command_starts_without_what_the_steps_need():
+    heavy = HEAVY - {"scipy", "skimage"} | DRAWING
+    assert heavy & modules_after("import silmesh.cli.make") == set()
+
+
 def test_a_step_of_adam_needs_no_compiler():
     assert COMPILER & modules_after(STEP) == set()

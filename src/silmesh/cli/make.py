@@ -3,6 +3,7 @@
 import json
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from glob import escape
 from pathlib import Path
 from typing import Any
@@ -44,12 +45,12 @@ from silmesh.naming import name_views
 from silmesh.own_code import own_file
 from silmesh.planning.datasets import usable
 from silmesh.remote.cache import CACHE
-from silmesh.scene.diagnosis import MEASURED, describe_masks
 from silmesh.settings.detail import NORMAL, choose_detail
 from silmesh.settings.fit import name_fit
 from silmesh.settings.init import mesh_file
 from silmesh.settings.texture import NONE
 from silmesh.silhouettes.mask import refuse_labels
+from silmesh.steps.fork_server import serving
 
 VIDEO = "video"  # folder of what a video is cut into; no masks lie beside it
 OTHER_KEEP = "--keep should name another folder"
@@ -115,13 +116,11 @@ def make_mesh(
     _refuse_inputs(outputs, (*paths, *files, *found, *_list_files(cameras)))
     if before := work.prepare():
         _say(f"the results in {work.folder} are of silmesh {before}; what changed is made anew")
-    runner = Runner(work.folder, cores, verbose)
     bar = Bar(len(files), silhouettes)
     besides = [PAGE] if page else []
-    try:
+    with serving() as served, closing(bar):
+        runner = Runner(work.folder, cores, verbose, served)
         variant, tried = _try(work, runner, bar, silhouettes, tries, options, besides)
-    finally:
-        bar.close()
     export(work.folder / work.result(variant, ""), output, options["texture"] != NONE)
     if page:
         copy(work.folder / PAGE, page)
@@ -333,6 +332,8 @@ def _try(
             for line in measured:
                 bar.say(f"silmesh: {line.strip()}")
     if made is None and failure.step == "scene" and not tries[-1].startswith(f"{FILE}:"):
+        from silmesh.scene.diagnosis import MEASURED, describe_masks  # loads torch, for failures
+
         found = work.folder / "results" / work.object / "stages" / "silhouettes"
         advice = advise_on_cameras(found, tried, measured=MEASURED in str(failure))
         lines = [f"{MEASURED}{said}" for said in describe_masks(work.masks)]

@@ -13,7 +13,7 @@ import re
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from threading import Thread
@@ -55,10 +55,18 @@ class Runner:
         folder: with the table and the configuration
         cores: how many it may use
         verbose: whether all that Snakemake says is shown
+        served: what is added to the environment of what is started
     """
 
-    def __init__(self, folder: Path, cores: int, verbose: bool = False):
+    def __init__(
+        self,
+        folder: Path,
+        cores: int,
+        verbose: bool = False,
+        served: Mapping[str, str] | None = None,
+    ):
         self._folder, self._cores, self._verbose = folder, cores, verbose
+        self._served = served or {}
 
     def run(self, targets: Sequence[str], bar: Bar) -> None:
         """Make the targets, unless they are there and nothing that they depend on changed.
@@ -95,7 +103,7 @@ class Runner:
         process = subprocess.Popen(
             self._command(targets, sink),
             cwd=self._folder,
-            env=_environment(self._folder) | {LIFELINE: name_lifeline(theirs)},
+            env=_environment(self._folder) | self._served | {LIFELINE: name_lifeline(theirs)},
             encoding="utf-8",
             errors="replace",
             stdin=theirs,

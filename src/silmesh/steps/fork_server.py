@@ -1,11 +1,11 @@
 """A process that has loaded the slow libraries and runs every step in a fork of itself.
 
 Torch and what comes with it take a step two seconds to load, as long as many a step's work. So the
-Snakefile starts one process beside the run, which loads them, and the steps' own code, once and
-forks for each step. The fork begins at once, and has the arguments, folder, environment and streams
-of the process that asked; that one waits, and ends as the fork ends. Where nothing answers, as on
-another machine or in a container, the step runs where it was asked for. Its results are the same to
-the byte.
+command, or else the Snakefile, starts one process beside the run, which loads them, and the steps'
+own code, once and forks for each step. The fork begins at once, and has the arguments, folder,
+environment and streams of the process that asked; that one waits, and ends as the fork ends. Where
+nothing answers, as on another machine or in a container, the step runs where it was asked for. Its
+results are the same to the byte.
 
 The process ends with the one that started it; a fork with the one that asked for it, with the
 process that it is a fork of, and with the run whose step it is. Anyone on the machine may call a
@@ -26,10 +26,11 @@ import struct
 import subprocess
 import sys
 from collections import deque
-from collections.abc import Callable, Sequence
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from silmesh.planning.lock import join_run
 
@@ -59,17 +60,40 @@ PR_SET_PDEATHSIG = 1  # of prctl(2)
 
 
 def start() -> subprocess.Popen | None:
-    """Start one, for all that is started from here on.
+    """Start one, for all that is started from here on, unless one serves this process already.
 
     Only on Linux: elsewhere libraries of the system do not work in a fork. The name lies in no
     folder, so a kill leaves nothing.
     """
-    if sys.platform != "linux":
+    if sys.platform != "linux" or NAME in os.environ:
         return None
-    os.environ |= {NAME: f"silmesh-{secrets.token_hex(8)}", **ALONE}
-    nowhere = subprocess.DEVNULL
+    os.environ |= _choose_name()
+    return _launch(os.environ)
+
+
+@contextmanager
+def serving() -> Iterator[Mapping[str, str]]:
+    """One while something else is at work: the environment by which that finds it."""
+    if sys.platform != "linux":
+        yield {}
+        return
+    named = _choose_name()
+    process = _launch({**os.environ, **named}, start_new_session=True)  # no Ctrl-C is meant for it
+    try:
+        yield named
+    finally:
+        process.kill()
+        process.wait()
+
+
+def _choose_name() -> dict[str, str]:
+    return {NAME: f"silmesh-{secrets.token_hex(8)}", **ALONE}
+
+
+def _launch(environment: Mapping[str, str], **given: Any) -> subprocess.Popen:
     words = [sys.executable, "-m", "silmesh.steps.fork_server"]
-    return subprocess.Popen(words, stdin=nowhere, stdout=nowhere, stderr=nowhere)
+    nowhere = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+    return subprocess.Popen(words, env=environment, **nowhere, **given)
 
 
 def serve_job(several: bool) -> None:
