@@ -25,9 +25,10 @@ FLOORS = (  # from the lowest
     {"report"},
     {"planning"},
     {"intake"},
-    {"steps", "cli", API},
+    {"steps"},
+    {"cli", API},
 )
-MOST_LOOSE = 8  # modules at the top, so that what is new finds a room
+MOST_LOOSE = 9  # modules at the top, so that what is new finds a room
 
 
 class _Run(ast.NodeTransformer):

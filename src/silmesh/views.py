@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image, ImageOps, UnidentifiedImageError
 
+from silmesh.ahead import ahead
 from silmesh.errors import InputError, explain, reading
 from silmesh.files import making
 from silmesh.naming import SUFFIXES, name_views, order_photographs, split_masks
@@ -366,6 +367,7 @@ def write_views(
     folder: Path,
     fewest: int | None = None,
     progress: Share = untold,
+    threads: int = 1,
 ) -> list[View]:
     """Resize photographs into ``<folder>/<view>.png`` and keep the pixel maps in ``views.json``.
 
@@ -377,16 +379,20 @@ def write_views(
         resize: ``pad`` or ``stretch``
         fewest: photographs that must be readable; all of them if not given
         progress: is told which share is done; of an array it is not known before the end
+        threads: that write
 
     Raises:
         InputError: too few are
     """
-    views: list[View] = []
     with making(folder) as part:
-        for view, image in make_views(paths, size, resize, fewest, progress):
+
+        def write(made: tuple[View, Image.Image]) -> View:
+            view, image = made
             image.save(part / f"{view.view}.png", compress_level=choose_compression(image))
-            views.append(view)
-        views = in_order(views, paths)
+            return view
+
+        made = make_views(paths, size, resize, fewest, progress)
+        views = in_order(list(ahead(write, made, threads)), paths)
         rows = [asdict(view) for view in views]
         (part / MANIFEST).write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
     return views

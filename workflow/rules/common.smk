@@ -260,13 +260,6 @@ def silhouettes_files(wildcards):
     return [*run.masks, *filter(None, [run.weights_file]), *run.silhouettes_own]
 
 
-def silhouettes_threads(wildcards):
-    """A network's threads, or those of a function of a person's own; another source has one."""
-    run = with_silhouettes(wildcards)
-    several = run.network or run.silhouettes_own
-    return object_cores("silhouettes")(wildcards) if several else 1
-
-
 def silhouettes_settings(wildcards):
     """Those of the network, if the silhouettes come from one."""
     run = with_silhouettes(wildcards)

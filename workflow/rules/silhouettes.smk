@@ -35,7 +35,7 @@ rule silhouettes:
     benchmark:
         "logs/silhouettes/{object}-{views}-{source}.tsv"
     priority: 10
-    threads: silhouettes_threads
+    threads: object_cores("silhouettes")
     resources:
         **resources("silhouettes"),
     params:

@@ -13,6 +13,7 @@ rule views:
     benchmark:
         "logs/views/{object}-{views}.tsv"
     priority: 10
+    threads: object_cores("views")
     resources:
         **resources("views"),
     params:
@@ -25,4 +26,5 @@ rule views:
         "{wildcards.object}: resizing its photographs"
     shell:
         "python -m silmesh.steps views --images {params.images:q}"
-        " --settings {params.settings:q} {params.fewest} --output {output:q} 2> {log:q}"
+        " --settings {params.settings:q} {params.fewest} --threads {threads}"
+        " --output {output:q} 2> {log:q}"

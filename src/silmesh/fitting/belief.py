@@ -15,6 +15,7 @@ from silmesh.geometry.camera import Cameras
 from silmesh.geometry.frame import known_pixels
 from silmesh.geometry.robust_hull import robust_carve
 from silmesh.geometry.silhouette_iou import SHARP, as_sharp, known_iou
+from silmesh.geometry.small_images import LARGEST, shrink, shrink_silhouettes
 from silmesh.scene.scene import Scene
 
 
@@ -56,16 +57,18 @@ class Belief:
         return said
 
     def measure(self, verts: Tensor, faces: Tensor, cameras: Cameras, scene: Scene) -> float:
-        """Mean IoU of a mesh with what counts of the silhouettes.
+        """Mean IoU of a mesh with what counts of the silhouettes; of large ones in small images.
 
         Args:
             verts: [verts, 3] float32 in the cameras' world
             faces: [faces, 3] int64
             cameras: of all views of the scene
         """
-        seen, silhouettes = cameras.select(self.views), scene.silhouettes[self.views]
-        sharp = as_sharp(SHARP, silhouettes.shape[1:])
-        values = known_iou(verts, faces, seen, silhouettes, sharp, self.known)
+        silhouettes, known = scene.silhouettes[self.views], self.known
+        small, seen = shrink(silhouettes, cameras.select(self.views), LARGEST)
+        known = None if known is None else shrink_silhouettes(known, LARGEST)
+        sharp = as_sharp(SHARP, small.shape[1:])
+        values = known_iou(verts, faces, seen, small, sharp, known)
         return float(np.average(values, weights=self.weights))
 
 

@@ -249,7 +249,7 @@ def load_scene(folder: Path) -> Scene:
     cameras, similarity, whole = read_scene(folder)
     coherence = np.array([whole["hull_iou"][view] for view in cameras.views])
     notes = {key: value for key, value in whole.items() if key not in MEASURED}
-    silhouettes = read_silhouettes(folder / SILHOUETTES, cameras.views)
+    silhouettes = read_silhouettes(folder / SILHOUETTES, cameras.views, torch.get_num_threads())
     images = ImageFolder(folder / VIEWS)
     points = np.load(folder / POINTS) if (folder / POINTS).is_file() else None
     return Scene(cameras, similarity, silhouettes, coherence, notes, images, points)

@@ -12,12 +12,14 @@ import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from PIL import Image
 
+from silmesh.ahead import ahead
 from silmesh.errors import InputError
 from silmesh.files import making
 from silmesh.own_code import own_file
@@ -89,7 +91,7 @@ def find_silhouettes(
         spare: let a silhouette be empty that cannot be used, as long as two can; otherwise it may
             be if it can be read, most can be used, and ``ENOUGH`` are left
         progress: is told how many views are done
-        threads: of the network
+        threads: that find them; not of a function of a person's own
 
     Raises:
         InputError: masks are lacking or differ in number from the views; a photograph or a mask
@@ -173,8 +175,12 @@ def write_silhouettes(
         found = find_silhouettes(
             source, views, ImageFolder(images), masks, settings, spare, progress, threads
         )
-        for view, silhouette in zip(views, found.silhouettes, strict=True):
-            write_silhouette(part / f"{view.view}.png", silhouette)
+
+        def write(place: int) -> None:
+            write_silhouette(part / f"{views[place].view}.png", found.silhouettes[place])
+
+        for _ in ahead(write, range(len(views)), threads or 1):
+            pass
         if found.lost:
             lost = json.dumps(found.lost, indent=1)
             (part / LOST).write_text(lost + "\n", encoding="utf-8")
@@ -200,13 +206,17 @@ def _find_each(
         found = own.find_all(readable, source)
     else:
         pairs = zip(views, files, strict=True)
-        found = (_find(source, view, images, f) for view, f in pairs if not view.unreadable)
+        found = ahead(
+            lambda pair: _find(source, *pair, images),
+            (pair for pair in pairs if not pair[0].unreadable),
+            threads or 1,
+        )
     for view in views:
         yield InputError(view.unreadable) if view.unreadable else next(found)
 
 
 def _find(
-    source: str, view: View, images: Mapping[str, Image.Image], file: Path | None
+    source: str, view: View, file: Path | None, images: Mapping[str, Image.Image]
 ) -> np.ndarray | InputError:
     try:
         return SOURCES[source](images[view.view], view, file)
@@ -233,12 +243,13 @@ def write_silhouette(file: Path, silhouette: np.ndarray) -> None:
     image.save(file, compress_level=choose_compression(image))
 
 
-def read_silhouettes(folder: Path, views: Sequence[str]) -> np.ndarray:
-    """The silhouettes of these views, [views, height, width] bool."""
-    first = _decode(folder / f"{views[0]}.png")
+def read_silhouettes(folder: Path, views: Sequence[str], threads: int = 1) -> np.ndarray:
+    """The silhouettes of these views, [views, height, width] bool, read by so many threads."""
+    each = ahead(_decode, (folder / f"{view}.png" for view in views), threads)
+    first = next(each)
     silhouettes = np.empty((len(views), *first.shape), bool)
-    for into, view in zip(silhouettes, views, strict=True):
-        into[:] = _decode(folder / f"{view}.png")
+    for into, silhouette in zip(silhouettes, chain([first], each), strict=True):
+        into[:] = silhouette
     return silhouettes
 
 

@@ -38,7 +38,7 @@ def main(argv: Sequence[str] | None = None) -> None:
             given.features,
             given.masked,
             views,
-            read_silhouettes(given.silhouettes, [view.view for view in views]),
+            read_silhouettes(given.silhouettes, [view.view for view in views], given.threads),
             given.settings,
             given.threads,
             Path(scratch),

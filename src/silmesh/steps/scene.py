@@ -32,7 +32,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     made = build_scene(
         attempts,
         views,
-        read_silhouettes(given.silhouettes, [view.view for view in views]),
+        read_silhouettes(given.silhouettes, [view.view for view in views], given.threads),
         given.keep_world,
         read_lost(given.silhouettes),
         list(map(str, given.cameras)),

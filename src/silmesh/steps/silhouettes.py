@@ -23,7 +23,7 @@ def main(argv: Sequence[str] | None = None) -> None:
         "--masks", nargs="*", type=Path, default=[], help="files, a view each, or their folder"
     )
     add_settings(args, Networks, of="the networks")
-    args.add_argument("--threads", type=int, help="of a network")
+    args.add_argument("--threads", type=int, help="to use")
     args.add_argument(
         "--spare", action="store_true", help="an unusable silhouette is empty and not refused"
     )

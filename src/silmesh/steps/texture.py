@@ -35,7 +35,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     torch.set_num_threads(given.threads)
     numba.set_num_threads(min(given.threads, numba.config.NUMBA_NUM_THREADS))
     cameras, mesh = read_cameras(given.cameras), read_mesh(given.mesh)
-    silhouettes = read_silhouettes(given.scene / SILHOUETTES, cameras.views)
+    silhouettes = read_silhouettes(given.scene / SILHOUETTES, cameras.views, given.threads)
     with blaming(given.name):
         baked = make_texture(
             mesh,
