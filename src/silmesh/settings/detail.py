@@ -20,11 +20,11 @@ DETAILS: Mapping[str, Mapping[str, Mapping[str, Any]]] = {  # sections of the co
 LEAST, MOST = 256, 4096  # pixels: what the photographs' own size is held to
 BOUND = 8.0  # GiB that a level with the photographs' own size may need
 GRAIN = 64  # pixels: a size that is lowered for it is a multiple
-# The estimate, fitted to the tables in docs/detail.md (above 1,024 pixels a guess): GiB and seconds
-# of a processor at least, a million pixels of all views, and (seconds) a thousand vertices a view.
+# The estimate, fitted to the tables in docs/detail.md: GiB and seconds of a processor at least, a
+# million pixels of all views, and (seconds) a thousand vertices a view.
 MEMORY = (0.95, 0.0065)
-SECONDS = (8.0, 0.25, 0.042)
-CORES = 2  # of which a run makes use on average, at most
+SECONDS = (15.0, 0.42, 0.042)
+CORES = 1.5  # of which a run makes use on average, at most
 
 
 @dataclass(frozen=True)
