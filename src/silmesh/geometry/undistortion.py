@@ -12,7 +12,6 @@ cuts the silhouette to reach as far as a box does in which it showed something e
 import math
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +20,7 @@ import numpy as np
 import torch
 from PIL import Image
 
+from silmesh.ahead import ahead
 from silmesh.errors import InputError
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.frame import count_on_frame, whole_frames
@@ -94,8 +94,9 @@ class Undistorted:
         """
         if not self.sources:
             return old
-        with ThreadPoolExecutor(torch.get_num_threads()) as pool:
-            return np.stack(list(pool.map(self._change, self.cameras.views, old)))
+        pairs = zip(self.cameras.views, old, strict=True)
+        changed = ahead(lambda pair: self._change(*pair), pairs, torch.get_num_threads())
+        return np.stack(list(changed))
 
     def image(self, view: str, old: Image.Image) -> Image.Image:
         """A view's working image, undistorted."""

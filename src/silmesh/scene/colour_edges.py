@@ -11,12 +11,13 @@ do.
 """
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import torch
 from PIL import Image
 from scipy import fft, ndimage
+
+from silmesh.ahead import ahead
 
 Figures = Mapping[str, float]
 EDGES, IN_PLACE, OFFSET = "edges", "in_place", "offset"
@@ -118,14 +119,13 @@ def compare_all(
         frames: [views, 4] of the photographs within the images, as ``compare`` takes them
     """
 
-    def measure(view: str, silhouette: np.ndarray, frame: np.ndarray) -> Figures:
-        image = images[view]
+    def measure(place: int) -> Figures:
+        image = images[views[place]]
         if image.has_transparency_data:
             return dict.fromkeys(MEASURES, np.nan)
-        return compare(np.asarray(image.convert("RGB")), silhouette, frame)
+        return compare(np.asarray(image.convert("RGB")), silhouettes[place], frames[place])
 
-    with ThreadPoolExecutor(torch.get_num_threads()) as pool:
-        return list(pool.map(measure, views, silhouettes, frames))
+    return list(ahead(measure, range(len(views)), torch.get_num_threads()))
 
 
 def describe_offset(figures: Sequence[Figures]) -> list[str]:

@@ -9,7 +9,6 @@ own world, by which an object is placed that most frames cut.
 
 import json
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ import torch
 from PIL import Image
 from torch import Tensor
 
+from silmesh.ahead import ahead
 from silmesh.errors import InputError, name_some
 from silmesh.files import making
 from silmesh.geometry.camera import (
@@ -233,13 +233,14 @@ def write_scene(
         for name in (VIEWS, SILHOUETTES):
             (part / name).mkdir()
 
-        def write(view: str, silhouette: np.ndarray) -> None:
+        def write(place: int) -> None:
+            view = scene.cameras.views[place]
             name = f"{view}.png"
             undistorted.write_image(view, images / name, part / VIEWS / name)
-            write_silhouette(part / SILHOUETTES / name, silhouette)
+            write_silhouette(part / SILHOUETTES / name, scene.silhouettes[place])
 
-        with ThreadPoolExecutor(torch.get_num_threads()) as pool:
-            list(pool.map(write, scene.cameras.views, scene.silhouettes))
+        for _ in ahead(write, range(len(scene.cameras)), torch.get_num_threads()):
+            pass
         said = json.dumps(scene.describe(), indent=1)
         (part / "scene.json").write_text(said + "\n", encoding="utf-8")
 

@@ -18,6 +18,7 @@ import numpy as np
 import trimesh
 from numba import get_num_threads
 
+from silmesh.ahead import MOST
 from silmesh.geometry.originals import Originals
 from silmesh.progress import Share, untold
 from silmesh.texture.atlas import Atlas, Texels, find_texels, unwrap
@@ -32,7 +33,6 @@ from silmesh.texture.weighing import Points, Seen, Shot, even_out, take_shot, we
 
 SMALLEST, LARGEST, STEP = 256, 4096, 256  # sides of pictures whose size is chosen
 SURE = 0.02  # of the best weight anywhere: texels with less lean on what is filled in
-THREADS = 4  # at most, as each has a photograph in memory
 PARTS = 8  # that texels are cut into for the threads
 POINTS = 15_000  # of the surface, by which cameras are refined
 
@@ -85,7 +85,7 @@ def bake(
     """
     start = time.perf_counter()
     chosen = list(range(len(originals)) if kept is None else kept)
-    with ThreadPoolExecutor(min(THREADS, get_num_threads())) as pool:
+    with ThreadPoolExecutor(min(MOST, get_num_threads())) as pool:
         flat = pool.submit(unwrap, np.asarray(mesh.vertices), np.asarray(mesh.faces))
         views, moves = _see(pool, mesh, originals, silhouettes, chosen, refine, progress)
         progress(0.6)
