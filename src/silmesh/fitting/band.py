@@ -233,9 +233,8 @@ def _mark_contour(cells, points, faces, edges, sides):
             continue
         x, y = points[edges[e, 0]]
         along, down = points[edges[e, 1], 0] - x, points[edges[e, 1], 1] - y
-        if not (abs(x) < FARTHEST and abs(y) < FARTHEST):
-            continue
-        if not (abs(along) < FARTHEST and abs(down) < FARTHEST):
+        near = abs(x) < FARTHEST and abs(y) < FARTHEST
+        if not (near and abs(along) < FARTHEST and abs(down) < FARTHEST):  # or NaN
             continue
         count = 1 + int(max(abs(along), abs(down)) / CELL)
         for k in range(count + 1):

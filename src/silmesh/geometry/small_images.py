@@ -34,6 +34,8 @@ def shrink(silhouettes: np.ndarray, cameras: Cameras, size: int) -> tuple[np.nda
 def shrink_silhouettes(silhouettes: np.ndarray, size: int) -> np.ndarray:
     """The silhouettes that ``shrink`` gives, one at a time."""
     shape = shrink_shape(silhouettes.shape[1:], size)
+    if shape == silhouettes.shape[1:]:
+        return silhouettes
     return np.stack([_shrink_image(silhouette, shape) for silhouette in silhouettes])
 
 

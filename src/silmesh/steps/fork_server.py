@@ -30,7 +30,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from silmesh.planning.lock import join_run
 
@@ -78,7 +77,7 @@ def serving() -> Iterator[Mapping[str, str]]:
         yield {}
         return
     named = _choose_name()
-    process = _launch({**os.environ, **named}, start_new_session=True)  # no Ctrl-C is meant for it
+    process = _launch({**os.environ, **named}, apart=True)  # no Ctrl-C is meant for it
     try:
         yield named
     finally:
@@ -90,10 +89,11 @@ def _choose_name() -> dict[str, str]:
     return {NAME: f"silmesh-{secrets.token_hex(8)}", **ALONE}
 
 
-def _launch(environment: Mapping[str, str], **given: Any) -> subprocess.Popen:
+def _launch(environment: Mapping[str, str], apart: bool = False) -> subprocess.Popen:
+    """Start one with this environment, and if ``apart`` in a session of its own."""
     words = [sys.executable, "-m", "silmesh.steps.fork_server"]
     nowhere = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
-    return subprocess.Popen(words, env=environment, **nowhere, **given)
+    return subprocess.Popen(words, env=environment, start_new_session=apart, **nowhere)
 
 
 def serve_job(several: bool) -> None:

@@ -20,14 +20,13 @@ def main(argv: Sequence[str] | None = None) -> None:
     args.add_argument(
         "--fewest", type=int, help="photographs that must be readable; all if not given"
     )
-    args.add_argument("--threads", type=int, default=1, help="that write")
+    args.add_argument("--threads", type=int, default=1, help="to use")
     args.add_argument("--output", type=output_folder, required=True, help="folder to make")
     given = args.parse_args(argv)
     progress = share_of(f"views {given.output}")
     size, resize = given.settings.size, given.settings.resize
     images = list_photographs(given.images)
-    where = given.output, given.fewest, progress, given.threads
-    views = write_views(images, size, resize, *where)
+    views = write_views(images, size, resize, given.output, given.fewest, progress, given.threads)
     for view in views:
         if view.unreadable:
             print(f"silmesh: {view.unreadable}; the view is dropped", file=sys.stderr)
