@@ -1,5 +1,8 @@
 """What depths say of the space before and about them, on a grid, with the mesh as the outer bound.
 
+The mesh is as coarse as its triangles, so the surface may lie before it by as much as depths may
+(``silmesh.relief.depths.MARGIN``). If it could only lie behind it, noise would wear it down.
+
 Every depth that counts says that the ray before it is free, and where the surface lies: along the
 normal of its plane a voxel has the signed distance s, positive inside. What views see is averaged,
 cut off at +-1 for the distance BAND (Curless and Levoy 1996); what lies further behind a depth
@@ -18,7 +21,7 @@ from numba import njit
 from scipy.ndimage import binary_dilation, label
 from scipy.spatial import cKDTree
 
-from silmesh.relief.depths import Depths
+from silmesh.relief.depths import MARGIN, Depths
 from silmesh.relief.ncc import OPTIONS
 from silmesh.relief.sights import Sights
 
@@ -208,17 +211,24 @@ def _doubt(votes, depth, weight, close, eye, to_grid):
     return gone
 
 
-def settle(bound: np.ndarray, weight: np.ndarray, mean: np.ndarray) -> np.ndarray:
-    """The field that minimises the sum above, nowhere outside the bound: [grid] float32."""
+def settle(bound: np.ndarray, weight: np.ndarray, mean: np.ndarray, spacing: float) -> np.ndarray:
+    """The field that minimises the sum above, nowhere MARGIN outside the bound: [grid] float32.
+
+    Args:
+        bound: signed distance to the mesh, in BANDs
+        weight, mean: from ``fuse``
+        spacing: of the grid
+    """
+    limit = bound + np.float32(MARGIN / (BAND * spacing))
     own = MESH * np.maximum(0, 1 - weight / ENOUGH)
     total = weight + own
     wanted = (weight * mean + own * bound).astype(np.float32)
-    field = np.minimum(wanted / np.maximum(total, 1e-6), bound)
+    field = np.minimum(wanted / np.maximum(total, 1e-6), limit)
     for _ in range(ROUNDS):
         around = np.zeros_like(field)
         for axis in range(3):
             ahead = np.moveaxis(field, axis, 0), np.moveaxis(around, axis, 0)
             ahead[1][1:] += ahead[0][:-1]
             ahead[1][:-1] += ahead[0][1:]
-        field = np.minimum((wanted + SMOOTH * around) / (total + 6 * SMOOTH), bound)
+        field = np.minimum((wanted + SMOOTH * around) / (total + 6 * SMOOTH), limit)
     return field

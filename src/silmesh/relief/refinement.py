@@ -11,6 +11,7 @@ from scipy.ndimage import binary_erosion
 
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.originals import Originals
+from silmesh.geometry.small_images import LARGEST, shrink
 from silmesh.progress import Share, untold, within
 from silmesh.relief.covering import PUT_BACK, cover, strike
 from silmesh.relief.depths import (
@@ -109,7 +110,7 @@ def refine(
     """
     started = time.monotonic()
     views = list(range(len(cameras)) if kept is None else kept)
-    masks, believed = silhouettes[views], cameras.select(views)
+    masks, believed = shrink(silhouettes[views], cameras.select(views), LARGEST)
     sights = look(originals, silhouettes, cameras, views, LONGEST, known.scale if known else None)
     search = _Search(mesh, sights, masks, believed, seed, within(progress, 0, 0.9))
     solved = search.go_on(views, known) if known else search.run(doubt)
@@ -268,7 +269,7 @@ def solve(
         doubted += doubt(votes, found, sights, weight, close, grid)
     for _ in range(STRIKES):
         weight, mean, close = fuse(sights, found, votes, bound, grid)
-        solid = settle(bound, weight, mean)
+        solid = settle(bound, weight, mean, grid.spacing)
         missing = cover(solid, bound, grid, inner, cameras)
         gone = strike(votes, found, sights, missing, grid) if missing.any() else 0
         struck += gone
