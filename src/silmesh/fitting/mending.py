@@ -46,8 +46,7 @@ def follow_outlines(
     Returns:
         the same vertices and faces, in the same order, elsewhere; single precision, as in files
     """
-    middle = torch.as_tensor(mesh.bounds.mean(axis=0))
-    similarity = Similarity(middle, 1 / float(np.linalg.norm(mesh.extents)))
+    similarity = Similarity.centring(mesh.bounds)
     known = known_pixels(silhouettes, frames)
     verts, faces = to_tensors(mesh)
     fit = Fast(

@@ -1,14 +1,16 @@
 """Photo-consistency after a fit: which views it may look at, and what it says of itself."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import torch
 import trimesh
 
 from silmesh.fitting.fit import fitted_views
 from silmesh.fitting.mending import follow_outlines
-from silmesh.geometry.camera import Cameras
+from silmesh.geometry.camera import Cameras, Similarity
 from silmesh.geometry.originals import Originals
 from silmesh.progress import Share, untold
 from silmesh.relief.judgement import Judged, refine_if_better
@@ -31,7 +33,7 @@ def refine_by_photographs(
     """Move a fitted surface to where the photographs agree, if some that are kept out confirm it.
 
     Args:
-        mesh: fitted, in the cameras' world
+        mesh: fitted, in the cameras' world, which may be far from its origin and of any size
         cameras: of the scene's views, in pixels of the working images, as the fit left them
         scene: that it was fitted to
         views: of the photographs
@@ -43,6 +45,8 @@ def refine_by_photographs(
     believed = [i for i in fitted_views(scene, settings) if cameras.views[i] not in distrusted]
     unreadable = {view.view for view in views if view.unreadable}
     silhouettes = np.asarray(scene.silhouettes)
+    centring = Similarity.centring(mesh.bounds)  # lengths are those of a world of this size
+    cameras = cameras.in_world_of(centring)
 
     def mend(refined: trimesh.Trimesh) -> trimesh.Trimesh:
         """By the silhouettes of the views that are believed."""
@@ -50,8 +54,8 @@ def refine_by_photographs(
         seen = cameras.select(believed), silhouettes[believed]
         return follow_outlines(refined, *seen, settings, frames)
 
-    return refine_if_better(
-        mesh,
+    judged = refine_if_better(
+        _move(mesh, centring),
         Originals(cameras, views, scene.notes.get("lenses"), LONGEST),
         silhouettes,
         cameras,
@@ -62,3 +66,11 @@ def refine_by_photographs(
         progress,
         mend=mend,
     )
+    taken = judged.notes["taken"]
+    return replace(judged, mesh=_move(judged.mesh, centring.inverse) if taken else mesh)
+
+
+def _move(mesh: trimesh.Trimesh, similarity: Similarity) -> trimesh.Trimesh:
+    """The same faces in another world."""
+    verts = similarity.apply(torch.from_numpy(np.float64(mesh.vertices)))
+    return trimesh.Trimesh(verts.numpy(), mesh.faces, process=False)

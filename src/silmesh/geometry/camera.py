@@ -216,6 +216,13 @@ class Similarity:
         """Leave the world as it is."""
         return Similarity(torch.zeros(3, dtype=torch.float64), 1.0)
 
+    @staticmethod
+    def centring(box: np.ndarray) -> "Similarity":
+        """To the world in which a box, [2, 3] its ends, is about the origin; its diagonal is 1."""
+        return Similarity(
+            torch.as_tensor(box.mean(axis=0)), 1 / float(np.linalg.norm(box[1] - box[0]))
+        )
+
     def apply(self, verts: Tensor) -> Tensor:
         """Points [n, 3] of the input's world, in the normalised one."""
         return (verts - self.centre.to(verts)) * self.scale
