@@ -20,7 +20,7 @@ from silmesh.geometry.resampling import resample
 from silmesh.geometry.undistortion import Bent, follow
 from silmesh.views import View, read_photograph
 
-KEPT = 256_000_000  # bytes of all photographs that stay in memory; of more none does
+KEPT = 512_000_000  # bytes of all photographs that stay in memory; of more none does
 
 
 class Originals:

@@ -26,6 +26,7 @@ from silmesh.geometry.mesh_files import to_tensors
 from silmesh.geometry.originals import Originals
 from silmesh.geometry.resampling import resample
 from silmesh.geometry.silhouette_iou import silhouette_iou
+from silmesh.geometry.small_images import LARGEST, shrink
 from silmesh.progress import Share, untold, within
 from silmesh.relief.free_space import Grid
 from silmesh.relief.refinement import Doubt, Relief, refine
@@ -430,7 +431,7 @@ def _stand(
     """What the vertices stand on before photographs have a say: an outline, or nothing."""
     grid = Grid.over(mesh, 2)
     unseen = np.zeros(grid.shape, np.float32)
-    shown = silhouettes[list(views)], cameras.select(list(views))
+    shown = shrink(silhouettes[list(views)], cameras.select(list(views)), LARGEST)
     return judge_standing(np.asarray(mesh.vertices), unseen, grid, *shown)
 
 
