@@ -18,7 +18,7 @@ from torch import Tensor
 from silmesh.softras.reference import cross, is_thick, measure
 
 SIGMA = 1e-4  # says which faces are thin
-TILE = 32  # pixels, of a picture that is computed tile by tile
+TILE = 8  # pixels, of a picture that is computed tile by tile
 
 
 def render_colours(

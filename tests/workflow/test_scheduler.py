@@ -4,6 +4,10 @@ import itertools
 import re
 import shutil
 
+import pytest
+
+pytestmark = pytest.mark.slow  # each runs snakemake
+
 RUNS = ("round", "boxed")
 
 
