@@ -5,7 +5,8 @@ views agree with it: one less the mean of the better half of their normalised cr
 The first plane is the mesh's own or the best of a few random ones; then good planes spread from
 pixel to pixel, over the rows and back, and are tried a little changed (Bleyer, Rhemann and Rother
 2011; Galliani, Lasinger and Schindler 2015). A depth lies on the ray between where the mesh is
-entered and where it is left. It counts where several other views found it too.
+entered and where it is left. It counts where several other views found it too, or all that see
+that place: deep in a hollow few do. What hides it from a view is nearer there than it would be.
 """
 
 from collections.abc import Callable, Sequence
@@ -32,10 +33,10 @@ MARGIN = 0.01  # world units: so far before the mesh the surface may be
 SURE = 0.985  # cross-correlation from which a plane is not changed at random any more
 ALIKE = 0.7  # cross-correlation from which a depth counts
 TEXTURE = 3.0  # grey levels: deviation of a window from a slope from which a depth counts
-CONFIRMED = 2  # other views that have to find the same depth
+CONFIRMED = 2  # other views that have to find the same depth, if as many see that place
 SPECK = 0.01  # share of a silhouette: a smaller patch of depths is an accident
 STEP = 3.0  # pixels by which depths of neighbouring pixels of a patch differ at most
-NEAR = 1.5  # pixels by which their points may differ
+NEAR = 1.5  # pixels by which their points may differ, as the first view sees them
 WINDOW = ((2 * RADIUS + 1) ** 2 + 1) // 2  # pixels of a window
 
 
@@ -166,7 +167,7 @@ def sweep(
 
     Args:
         passes: over all rows, every second from the end
-        start: planes of the same images at half the size, which are then only improved
+        start: planes of the same images, at this size or half of it, which are then only improved
         only: positions of the views whose planes are looked for; all if not given
         done: is called after each view
     """
@@ -207,10 +208,11 @@ def _find_texture(image, mask, found):
 
 
 def _enlarge(small: Depths, found: Depths, i: int) -> None:
-    """Each pixel's plane from the smaller image."""
+    """Each pixel's plane from an image of half the size, or of the same."""
     height, width = found.depth.shape[1:]
-    rows = np.minimum(np.arange(height) // 2, small.depth.shape[1] - 1)
-    columns = np.minimum(np.arange(width) // 2, small.depth.shape[2] - 1)
+    times = 1 if small.depth.shape == found.depth.shape else 2
+    rows = np.minimum(np.arange(height) // times, small.depth.shape[1] - 1)
+    columns = np.minimum(np.arange(width) // times, small.depth.shape[2] - 1)
     found.depth[i] = small.depth[i][np.ix_(rows, columns)]
     found.normals[i] = small.normals[i][np.ix_(rows, columns)]
 
@@ -393,14 +395,18 @@ def confirm(
     """How many other views found the same point, for each depth that counts: [views, h, w] uint8.
 
     It is 0 where the photographs are hardly alike, where they show too little (``textured`` is as
-    ``find_texture`` gives it), or where fewer than CONFIRMED other views agree.
+    ``find_texture`` gives it), or where fewer than CONFIRMED other views agree, unless all agree
+    that may see the point. Two points are the same if the view sees them NEAR each other where one
+    lies on its own ray, the other on that of the other view: the smaller the angle between the
+    rays, the less they tell of depth (Schoenberger et al. 2016).
     """
     votes = np.zeros(found.depth.shape, np.uint8)
 
     def judge(i: int) -> None:
-        pair = _pair(sights, i, neighbours[i])
+        pair, eyes = _pair(sights, i, neighbours[i]), sights.centres[neighbours[i]]
         given = found.depth, found.score, textured[i]
-        _confirm(*given, i, _inverse(sights.K[i]), pair, votes[i])
+        eyes = eyes @ sights.R[i].T + sights.t[i]
+        _confirm(*given, i, _inverse(sights.K[i]), pair, eyes, votes[i])
         least = int(SPECK * sights.masks[i].sum())
         _drop_specks(votes[i], found.depth[i], STEP * np.linalg.inv(sights.K[i])[0, 0], least)
 
@@ -410,7 +416,7 @@ def confirm(
 
 
 @njit(**OPTIONS)
-def _confirm(depths, scores, textured, view, back, pair, votes):
+def _confirm(depths, scores, textured, view, back, pair, eyes, votes):
     height, width = votes.shape
     for r in range(height):
         for c in range(width):
@@ -419,7 +425,7 @@ def _confirm(depths, scores, textured, view, back, pair, votes):
                 continue
             x = (back[0, 0] * c + back[0, 1] * r + back[0, 2]) * z
             y = (back[1, 1] * r + back[1, 2]) * z
-            count = 0
+            count = seers = 0
             for k in range(len(pair.views)):
                 A, b = pair.A[k], pair.b[k]
                 p2 = A[2, 0] * x + A[2, 1] * y + A[2, 2] * z + b[2]
@@ -431,12 +437,22 @@ def _confirm(depths, scores, textured, view, back, pair, votes):
                 if not (0 <= i < height and 0 <= j < width):
                     continue
                 other = depths[pair.views[k], i, j]
-                if other <= 0 or scores[pair.views[k], i, j] < ALIKE:
-                    continue
-                if abs(other - p2) < 2 * NEAR * back[0, 0] * z:  # twice as far as across
+                near = NEAR * back[0, 0] * z / _sine(x, y, z, eyes[k])
+                if other <= 0 or scores[pair.views[k], i, j] < ALIKE or other > p2 + near:
+                    seers += 1
+                elif other > p2 - near:
+                    seers += 1
                     count += 1
-            if count >= CONFIRMED:
+            if count >= CONFIRMED or (0 < count == seers):
                 votes[r, c] = count
+
+
+@njit(**OPTIONS)
+def _sine(x, y, z, eye):
+    """Of the angle at a point between the views' own eye, the origin, and another."""
+    a, b, c = x - eye[0], y - eye[1], z - eye[2]
+    across = (y * c - z * b) ** 2 + (z * a - x * c) ** 2 + (x * b - y * a) ** 2
+    return np.sqrt(across / ((x * x + y * y + z * z) * (a * a + b * b + c * c)))
 
 
 @njit(**OPTIONS)

@@ -204,22 +204,27 @@ class _Search:
         return self._finish()
 
     def go_on(self, views: Sequence[int], known: Found) -> Solved:
-        """Look for planes only in those of the views in which none are known."""
+        """Look for planes in the views in which none are known, and improve those beside them."""
         new = [i for i, view in enumerate(views) if view not in known.views]
         coarse = self._look_coarsely(self._sights.halved(), new)
         self._progress(0.5)
         self.planes = self._look_finely(coarse, new)
-        for at, view in enumerate(known.views):
-            self.planes.take(views.index(view), known.planes, at)
+        old = [views.index(view) for view in known.views]
+        for at, view in enumerate(old):
+            self.planes.take(view, known.planes, at)
+        beside = [view for view in old if np.isin(self._neighbours[view], new).any()]
+        again = self._look_finely(self.planes, beside)
+        for view in beside:
+            self.planes.take(view, again, view)
         return self._finish()
 
     def _look_coarsely(self, half: Sights, only: Sequence[int] | None = None) -> Depths:
         rays = cast_rays(self._mesh, half)
         return sweep(half, rays, self._neighbours, COARSE, self._seed, None, only)
 
-    def _look_finely(self, coarse: Depths, only: Sequence[int] | None = None) -> Depths:
+    def _look_finely(self, start: Depths, only: Sequence[int] | None = None) -> Depths:
         near = self._neighbours
-        return sweep(self._sights, self._rays, near, FINE, self._seed, coarse, only)
+        return sweep(self._sights, self._rays, near, FINE, self._seed, start, only)
 
     def _finish(self) -> Solved:
         votes = confirm(self._sights, self.planes, self._textured, self._neighbours)
