@@ -36,7 +36,7 @@ TEXTURE = 3.0  # grey levels: deviation of a window from a slope from which a de
 CONFIRMED = 2  # other views that have to find the same depth, if as many see that place
 SPECK = 0.01  # share of a silhouette: a smaller patch of depths is an accident
 STEP = 3.0  # pixels by which depths of neighbouring pixels of a patch differ at most
-NEAR = 1.5  # pixels by which their points may differ, as the first view sees them
+NEAR = 1.5  # pixels by which their points may differ
 WINDOW = ((2 * RADIUS + 1) ** 2 + 1) // 2  # pixels of a window
 
 
@@ -396,17 +396,14 @@ def confirm(
 
     It is 0 where the photographs are hardly alike, where they show too little (``textured`` is as
     ``find_texture`` gives it), or where fewer than CONFIRMED other views agree, unless all agree
-    that may see the point. Two points are the same if the view sees them NEAR each other where one
-    lies on its own ray, the other on that of the other view: the smaller the angle between the
-    rays, the less they tell of depth (Schoenberger et al. 2016).
+    that may see the point.
     """
     votes = np.zeros(found.depth.shape, np.uint8)
 
     def judge(i: int) -> None:
-        pair, eyes = _pair(sights, i, neighbours[i]), sights.centres[neighbours[i]]
+        pair = _pair(sights, i, neighbours[i])
         given = found.depth, found.score, textured[i]
-        eyes = eyes @ sights.R[i].T + sights.t[i]
-        _confirm(*given, i, _inverse(sights.K[i]), pair, eyes, votes[i])
+        _confirm(*given, i, _inverse(sights.K[i]), pair, votes[i])
         least = int(SPECK * sights.masks[i].sum())
         _drop_specks(votes[i], found.depth[i], STEP * np.linalg.inv(sights.K[i])[0, 0], least)
 
@@ -416,7 +413,7 @@ def confirm(
 
 
 @njit(**OPTIONS)
-def _confirm(depths, scores, textured, view, back, pair, eyes, votes):
+def _confirm(depths, scores, textured, view, back, pair, votes):
     height, width = votes.shape
     for r in range(height):
         for c in range(width):
@@ -437,7 +434,7 @@ def _confirm(depths, scores, textured, view, back, pair, eyes, votes):
                 if not (0 <= i < height and 0 <= j < width):
                     continue
                 other = depths[pair.views[k], i, j]
-                near = NEAR * back[0, 0] * z / _sine(x, y, z, eyes[k])
+                near = 2 * NEAR * back[0, 0] * z  # twice as far as across
                 if other <= 0 or scores[pair.views[k], i, j] < ALIKE or other > p2 + near:
                     seers += 1
                 elif other > p2 - near:
@@ -445,14 +442,6 @@ def _confirm(depths, scores, textured, view, back, pair, eyes, votes):
                     count += 1
             if count >= CONFIRMED or (0 < count == seers):
                 votes[r, c] = count
-
-
-@njit(**OPTIONS)
-def _sine(x, y, z, eye):
-    """Of the angle at a point between the views' own eye, the origin, and another."""
-    a, b, c = x - eye[0], y - eye[1], z - eye[2]
-    across = (y * c - z * b) ** 2 + (z * a - x * c) ** 2 + (x * b - y * a) ** 2
-    return np.sqrt(across / ((x * x + y * y + z * z) * (a * a + b * b + c * c)))
 
 
 @njit(**OPTIONS)
