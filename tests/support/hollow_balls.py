@@ -3,12 +3,11 @@
 from pathlib import Path
 
 import numpy as np
-import torch
 import trimesh
 from PIL import Image
 from skimage.measure import marching_cubes
 
-from silmesh.geometry.camera import Cameras
+from silmesh.geometry.camera import Cameras, concatenate
 from silmesh.geometry.originals import Originals
 from silmesh.geometry.visual_hull import carve
 from silmesh.relief.surface import simplify
@@ -56,10 +55,7 @@ def stand_about(size: int) -> Cameras:
         photograph_cameras([f"{up}-{i:02d}" for i in range(16)], (size, size), elevation=up)
         for up in (10, 55)
     ]
-    views = sum((ring.views for ring in rings), ())
-    return Cameras(
-        *(views, *(torch.cat([getattr(r, k) for r in rings]) for k in ["sizes", "K", "R", "t"]))
-    )
+    return concatenate(*rings)
 
 
 class HollowBall:

@@ -6,7 +6,7 @@ The first plane is the mesh's own or the best of a few random ones; then good pl
 pixel to pixel, over the rows and back, and are tried a little changed (Bleyer, Rhemann and Rother
 2011; Galliani, Lasinger and Schindler 2015). A depth lies on the ray between where the mesh is
 entered and where it is left. It counts where several other views found it too, or all that see
-that place: deep in a hollow few do. What hides it from a view is nearer there than it would be.
+that place: deep in a hollow few do. A view does not see it if its own depth there is nearer.
 """
 
 from collections.abc import Callable, Sequence
@@ -422,6 +422,7 @@ def _confirm(depths, scores, textured, view, back, pair, votes):
                 continue
             x = (back[0, 0] * c + back[0, 1] * r + back[0, 2]) * z
             y = (back[1, 1] * r + back[1, 2]) * z
+            near = 2 * NEAR * back[0, 0] * z  # twice as far as across
             count = seers = 0
             for k in range(len(pair.views)):
                 A, b = pair.A[k], pair.b[k]
@@ -434,11 +435,11 @@ def _confirm(depths, scores, textured, view, back, pair, votes):
                 if not (0 <= i < height and 0 <= j < width):
                     continue
                 other = depths[pair.views[k], i, j]
-                near = 2 * NEAR * back[0, 0] * z  # twice as far as across
-                if other <= 0 or scores[pair.views[k], i, j] < ALIKE or other > p2 + near:
-                    seers += 1
-                elif other > p2 - near:
-                    seers += 1
+                believed = other > 0 and scores[pair.views[k], i, j] >= ALIKE
+                if believed and other <= p2 - near:
+                    continue  # the place is hidden
+                seers += 1
+                if believed and other <= p2 + near:
                     count += 1
             if count >= CONFIRMED or (0 < count == seers):
                 votes[r, c] = count

@@ -49,7 +49,7 @@ Doubt = Callable[[trimesh.Trimesh], str]  # why a surface is not worth going on 
 
 @dataclass(frozen=True)
 class Found:
-    """What a refinement found in its views, for which another by more views need not look again.
+    """What a refinement found in its views, from which another by more views goes on.
 
     Attributes:
         views: their positions
@@ -98,14 +98,16 @@ def refine(
     """Move a surface to where the photographs agree; where they do not it stays as it is.
 
     Args:
-        mesh: closed, in the world of the cameras; it bounds the object from outside
+        mesh: closed, about the origin of the cameras' world and about 1 in size; it bounds the
+            object from outside, nearly
         originals: the photographs, with cameras in the same world and order as ``cameras``
         silhouettes: [views, height, width] bool, of the working images, without lenses
         cameras: in pixels of the working images
         kept: positions of the views that are believed; all if not given
         seed: of the random guesses; the same seed gives the same surface
         progress: is told which share is done
-        known: planes that were found about the same mesh in some of the views, and stay
+        known: planes that were found about the same mesh in some of the views; of these, the ones
+            beside other views are improved
         doubt: is shown a first, coarse surface, unless there are such planes
     """
     started = time.monotonic()
