@@ -3,11 +3,10 @@
 import igl
 import numpy as np
 import trimesh
-from scipy.spatial import cKDTree
 
 from silmesh.geometry.voxels import voxel_iou
 
-SAMPLES = 50_000  # points that are sampled on each surface
+SAMPLES = 50_000  # points of each surface whose distances to the other are measured
 VOLUME_SAMPLES = 100_000  # points that are sampled in the bounding box of both bodies
 F_SCORE_DISTANCE = 0.01  # of the diagonal of the truth's bounding box: a point this near counts
 # A mesh has no inside if the winding numbers of more points than this share of those inside are
@@ -23,34 +22,42 @@ def compare_to_truth(
     Args:
         voxels: [32, 32, 32] bool, that the truth was made of, if it was
     Returns:
-        ``chamfer``: mean distance from a point of one surface to the nearest sampled point of the
-        other, averaged over both directions, in units of the frame; ``f_score``: harmonic mean of
-        the shares of points within 1 % of the truth's diagonal; ``volume_iou``: of the two solids,
-        by points in the box about both, None if one is so open that it has no inside;
+        ``chamfer``: mean distance from a sampled point of one surface to the other surface,
+        averaged over both directions, in units of the frame; ``f_score``: harmonic mean of the
+        shares of points within 1 % of the truth's diagonal; ``volume_iou``: of the two solids, by
+        points in the box about both, None if one is so open that it has no inside;
         ``normal_consistency``: mean absolute cosine between the normals at nearest points, over
         both directions; with voxels ``voxel_iou``, as ``silmesh.geometry.voxels`` says
     """
-    points, normals = zip(*(_sample_surface(m) for m in (mesh, truth)), strict=True)
     near = F_SCORE_DISTANCE * float(np.linalg.norm(truth.extents))
-    distances, cosines = [], []
-    for here, there in ((0, 1), (1, 0)):
-        distance, nearest = cKDTree(points[there]).query(points[here])
-        distances.append(distance)
-        cosines.append(np.abs((normals[here] * normals[there][nearest]).sum(axis=1)).mean())
+    pairs = (mesh, truth), (truth, mesh)
+    distances, cosines = zip(*(_measure_distances(*pair) for pair in pairs), strict=True)
     precision, recall = ((distance < near).mean() for distance in distances)
     return {
         "chamfer": float(np.mean([distance.mean() for distance in distances])),
         "f_score": float(2 * precision * recall / max(precision + recall, 1e-12)),
         "volume_iou": _volume_iou(mesh, truth),
-        "normal_consistency": float(np.mean(cosines)),
+        "normal_consistency": float(np.mean([cosine.mean() for cosine in cosines])),
         **({} if voxels is None else {"voxel_iou": voxel_iou(mesh, voxels)}),
     }
 
 
-def _sample_surface(mesh: trimesh.Trimesh) -> tuple[np.ndarray, np.ndarray]:
-    """Points spread evenly at random over a surface, and the normals there."""
+def _measure_distances(
+    mesh: trimesh.Trimesh, other: trimesh.Trimesh
+) -> tuple[np.ndarray, np.ndarray]:
+    """From points spread evenly at random over a surface: their distances to another one.
+
+    To the surface, not to points of it: the nearest of 50,000 points of an object of size 1 is
+    0.002 away even where both surfaces are the same, which is more than good meshes differ by.
+
+    Returns:
+        the distances [points], and the absolute cosines of the normals there and here [points]
+    """
     points, faces = trimesh.sample.sample_surface(mesh, SAMPLES, seed=0)
-    return points, mesh.face_normals[faces]
+    verts, triangles = np.asarray(other.vertices, float), np.asarray(other.faces, np.int64)
+    squares, nearest, _ = igl.point_mesh_squared_distance(points, verts, triangles)
+    cosines = (mesh.face_normals[faces] * other.face_normals[nearest]).sum(axis=1)
+    return np.sqrt(squares), np.abs(cosines)
 
 
 def _volume_iou(*meshes: trimesh.Trimesh) -> float | None:
