@@ -43,6 +43,7 @@ class Originals:
         longest: int | None = None,
     ):
         named = {view.view: view for view in views}
+        self._given = cameras, views, lenses
         self._views = [named[view] for view in cameras.views]
         self._bent = {view: Bent.parse(said) for view, said in (lenses or {}).items()}
         sizes = [_scale_down(view, longest) for view in self._views]
@@ -54,6 +55,11 @@ class Originals:
 
     def __len__(self) -> int:
         return len(self._views)
+
+    def at_most(self, longest: int) -> "Originals":
+        """The same, a larger photograph scaled down to so many pixels; itself if none is larger."""
+        large = bool((self.cameras.sizes > longest).any())
+        return Originals(*self._given, longest) if large else self
 
     def read(self, i: int) -> np.ndarray:
         """The photograph of the i-th camera, [height, width, 3] uint8 sRGB; black beyond its frame.

@@ -35,6 +35,9 @@ SMALLEST, LARGEST, STEP = 256, 4096, 256  # sides of pictures whose size is chos
 SURE = 0.02  # of the best weight anywhere: texels with less lean on what is filled in
 PARTS = 8  # that texels are cut into for the threads
 POINTS = 15_000  # of the surface, by which cameras are refined
+# Pixels of the photographs' longer side, at most, of which slow colours are taken and by which
+# cameras are refined: both look at means of these pixels.
+GLANCE = 1600
 
 
 @dataclass(frozen=True)
@@ -142,16 +145,18 @@ def _read_all(
     progress: Share,
 ) -> tuple[list[Shot], tuple[np.ndarray, list]]:
     """What is kept of each photograph; points of the mesh, and the details that they compare."""
-    cameras = originals.cameras.select(chosen)
+    cameras, small = originals.cameras.select(chosen), originals.at_most(GLANCE)
+    scales = (cameras.sizes / small.cameras.sizes[chosen]).numpy()
     positions, on = trimesh.sample.sample_surface(mesh, POINTS, seed=0)
     points = Points(mesh, np.asarray(positions), mesh.face_normals[on])
 
     def take(k: int) -> tuple[Shot, Any]:
-        shot, photograph, outline = take_shot(originals, chosen[k], silhouettes[chosen[k]])
+        scale = scales[k]
+        shot, photograph, outline = take_shot(small, chosen[k], silhouettes[chosen[k]], scale)
         if not refine:
             return shot, None
         weights = weigh(points, cameras, k, shot).weights
-        return shot, take_details(photograph, outline, weights)
+        return shot, take_details(photograph, outline, weights, scale)
 
     found = []
     for pair in pool.map(take, range(len(chosen))):
@@ -249,7 +254,7 @@ class _Layers:
     ) -> None:
         """Add one view, as ``sampling.add_view`` says."""
         shot, sight, texels = view.shot, view.sight, self._texels
-        numbers = (sight.scale, sight.slack, shot.near, shot.far, float(shot.slow.step))
+        numbers = (sight.scale, sight.slack, shot.near, shot.far, *shot.slow.step.tolist())
         maps = sight.depth, sight.margin, photograph, shot.slow.image, gain
 
         def run(part: slice) -> None:

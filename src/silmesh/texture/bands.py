@@ -20,22 +20,26 @@ class Slow:
 
     Attributes:
         image: [height, width, 3] float32
-        step: pixels of the photograph a pixel of it
+        step: [2] pixels of the photograph a pixel of it, across and down
     """
 
     image: np.ndarray
-    step: int
+    step: np.ndarray
 
 
-def take_slow(photograph: np.ndarray, silhouette: np.ndarray) -> Slow:
-    """The slow band of a photograph [height, width, 3] within a silhouette [height, width]."""
+def take_slow(photograph: np.ndarray, silhouette: np.ndarray, scale: np.ndarray) -> Slow:
+    """The slow band of a photograph [height, width, 3] within a silhouette [height, width].
+
+    Args:
+        scale: [2] pixels of the photograph at its own size a pixel of this one, across and down
+    """
     step = max(1, -(-max(silhouette.shape) // COARSE))
     count = average_blocks(silhouette.astype(np.float32), step)
     masked = np.where(silhouette[..., None], photograph, np.uint8(0))
     total = np.stack([average_blocks(masked[..., i], step) for i in range(3)], axis=-1)
     weight = gaussian_filter(count, WIDTH)
     image = gaussian_filter(total, (WIDTH, WIDTH, 0)) / np.maximum(weight, 1e-4)[..., None]
-    return Slow(image.astype(np.float32), step)
+    return Slow(image.astype(np.float32), scale * step)
 
 
 def average_blocks(image: np.ndarray, step: int) -> np.ndarray:

@@ -41,17 +41,24 @@ class Details:
 
     Attributes:
         bands: for each band [height, width] float32
-        scale: pixels of it a pixel of the photograph
+        scale: [2] pixels of it a pixel of the photograph, across and down
         weights: [points], 0 for those it does not see well
     """
 
     bands: tuple[np.ndarray, ...]
-    scale: float
+    scale: np.ndarray
     weights: np.ndarray
 
 
-def take_details(photograph: np.ndarray, silhouette: np.ndarray, weights: np.ndarray) -> Details:
-    """The detail of a photograph [height, width, 3] within its silhouette [height, width]."""
+def take_details(
+    photograph: np.ndarray, silhouette: np.ndarray, weights: np.ndarray, scale: np.ndarray
+) -> Details:
+    """The detail of a photograph [height, width, 3] within its silhouette [height, width].
+
+    Args:
+        weights: [points], as ``Details`` has them
+        scale: [2] pixels of the photograph at its own size a pixel of this one, across and down
+    """
     step = max(1, -(-max(silhouette.shape) // LONGEST))
     grey = photograph.astype(np.float32) @ np.full(3, 1 / 3, np.float32) * silhouette
     count = silhouette.astype(np.float32)
@@ -63,7 +70,7 @@ def take_details(photograph: np.ndarray, silhouette: np.ndarray, weights: np.nda
         smooth[width] = gaussian_filter(grey, width, truncate=3) / under
     inside = count >= 0.5
     bands = tuple(np.where(inside, smooth[a] - smooth[b], 0) for a, b in BANDS)
-    return Details(bands, 1 / step, weights)
+    return Details(bands, 1 / (scale * step), weights)
 
 
 class Alignment:
@@ -79,7 +86,7 @@ class Alignment:
         self._cameras, self._details = cameras, details
         self._local = np.einsum("vij,nj->vni", cameras.R.numpy(), points)
         self._local += cameras.t.numpy()[:, None]
-        scales = np.array([[d.scale, d.scale, 1] for d in details])
+        scales = np.array([[*d.scale, 1] for d in details])
         self._K = scales[:, :, None] * cameras.K.numpy()
         self._weights = np.stack([d.weights for d in details])
         box = points.min(axis=0), np.ptp(points, axis=0).max() + 1e-12
@@ -128,7 +135,7 @@ class Alignment:
         for i, move in enumerate(moves):
             seen = self._weights[i] > 0
             apart = self._move(i, move)[1] - self._move(i, 0 * move)[1]
-            apart = np.linalg.norm(apart[seen], axis=1) / self._details[i].scale
+            apart = np.linalg.norm(apart[seen] / self._details[i].scale, axis=1)
             found.append(np.median(apart) if len(apart) else 0.0)
         return np.array(found)
 

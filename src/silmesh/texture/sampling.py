@@ -43,14 +43,15 @@ def add_view(
         shares: [2, verts] weights of the slow colours and of the detail
         P: [3, 4] projection to pixels of the photograph
         numbers: pixels of the maps a pixel of the photograph; slack of the depth; distances to an
-            outline between which a view's weight rises; pixels of the photograph a slow pixel
+            outline between which a view's weight rises; pixels of the photograph a slow pixel,
+            across and down
         depth, margin: [height, width] maps of ``visibility.Sight``
         photograph: [height, width, 3] uint8
         slow: [height, width, 3], its slow band
         gain: [3] that its colours are multiplied by
         slow_out, fast_out: [texels, 4] sums of weighted colours, and of their weights
     """
-    scale, slack, near, far, step = numbers
+    scale, slack, near, far, across, down = numbers
     height, width = depth.shape
     fine, coarse = np.empty(3), np.empty(3)
     for i in range(len(on)):
@@ -72,7 +73,7 @@ def add_view(
         rise = min(1.0, (margin[row, column] / scale - near) / (far - near))
         if rise <= 0:
             continue
-        _sample(slow, x / step, y / step, coarse)
+        _sample(slow, x / across, y / down, coarse)
         weight *= rise
         slow_out[i, 3] += weight
         for k in range(3):

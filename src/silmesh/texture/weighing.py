@@ -29,7 +29,7 @@ class Shot:
         index: of the photograph
         outline: [height, width] bool, its silhouette, small
         slow: its slow band
-        near, far: distances to an outline in pixels between which f rises
+        near, far: distances to an outline in pixels of the photograph between which f rises
     """
 
     index: int
@@ -59,16 +59,19 @@ class Seen:
 
 
 def take_shot(
-    originals: Originals, i: int, silhouette: np.ndarray
+    originals: Originals, i: int, silhouette: np.ndarray, scale: np.ndarray
 ) -> tuple[Shot, np.ndarray, np.ndarray]:
     """Read a photograph: what is kept, itself [height, width, 3], its silhouette [height, width].
 
     Args:
+        originals: no larger than needed, since only what is kept is used of them
         silhouette: [size, size] bool, of the working image
+        scale: [2] pixels of the photograph at its own size, in which lengths are kept, a pixel of
+            these, across and down
     """
     photograph, outline = originals.read(i), originals.enlarge(i, silhouette)
-    pixel = max(outline.shape) / len(silhouette)
-    slow = take_slow(photograph, outline)
+    pixel = scale.max() * max(outline.shape) / len(silhouette)
+    slow = take_slow(photograph, outline, scale)
     shot = Shot(i, shrink(outline), slow, ERODE * pixel, (ERODE + FEATHER) * pixel)
     return shot, photograph, outline
 
