@@ -132,6 +132,7 @@ class Fast:
             template.cpu() / INITIAL_SCALE, small.cameras, small.silhouettes.cpu(), spoken
         )
         self._state = self._start(placed.to(template.device), faces)
+        self._enter_level()
         self._even_out()
 
     def _start(self, verts: Tensor, faces: Tensor) -> State:
@@ -337,8 +338,8 @@ class Fast:
         term of what is as large in pixels; the flatten term, of angles, does not, and is scaled.
         """
         weights, state = self._settings.weights, getattr(self, "_state", None)
-        level = self._levels[state.level if state and not self.done else -1]
-        if not isinstance(level, BandLevel) or state is None:
+        level = self._levels[min(state.level, len(self._levels) - 1) if state else 0]
+        if not isinstance(level, BandLevel):
             return weights
         scale = (BASE / max(level.size)) ** 2
         return weights.model_copy(update={"flatten": weights.flatten * scale})

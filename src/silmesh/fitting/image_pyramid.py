@@ -89,6 +89,7 @@ def build_levels(
     Args:
         small: ``images.shrink()``
         sigma: of the finest level, and of the finest one of ``small``
+        coarse_to_fine: whether there are others than the finest
     """
     dense = build_pyramid(small.cameras, small.silhouettes, sigma[1], coarse_to_fine, small.known)
     if not images.large:
@@ -101,7 +102,8 @@ def build_levels(
         BandLevel(f, silhouettes, sigma[0] * f**2, dense[-1].pixel * f / ratio, known)
         for f in choose_factors(size, BASE)
     ]
-    return [*(replace(level, factor=level.factor * ratio) for level in dense), *bands]
+    levels = [*(replace(level, factor=level.factor * ratio) for level in dense), *bands]
+    return levels if coarse_to_fine else levels[-1:]
 
 
 def build_pyramid(
