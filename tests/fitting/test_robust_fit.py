@@ -157,6 +157,17 @@ def test_a_fit_of_fewer_views_that_fails_leaves_the_first(scene, monkeypatch):
     assert "in vain: numbers that are not finite" in fitted.notes["warnings"][0]
 
 
+@pytest.mark.parametrize(("elevation", "exact"), [(20, True), (14, False)])
+def test_cameras_that_agree_with_the_outlines_stay(elevation, exact):
+    seen = silhouettes(turntable(24, 128, 20), AXES, (0.05, 0, 0.03))
+    given = turntable(24, 128, elevation)
+    scene = Scene(given, Similarity.identity(), seen, np.ones(24), {})
+    fitted = fit_mesh(ellipsoid(0.95 * AXES), scene, FastFit(iterations=60, device="cpu"))
+    assert fitted.notes["cameras_exact"] == exact
+    moved = (fitted.cameras.t - given.t).abs().max(), (fitted.cameras.R - given.R).abs().max()
+    assert (max(moved) == 0) == exact
+
+
 def test_cameras_that_the_fit_sets_right_leave_the_silhouettes_believed():
     """Cameras that are 12 degrees too low contradict right silhouettes; refined ones do not."""
     seen = silhouettes(turntable(24, 64, 20), AXES, (0.05, 0, 0.03))

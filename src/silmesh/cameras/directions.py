@@ -20,10 +20,9 @@ from silmesh.cameras.gauss_newton import soften
 from silmesh.cameras.silhouette_coherence import (
     Misses,
     Outlines,
-    Pose,
     find_misses,
-    make_pose,
     measure_at,
+    pose_of,
     trace,
 )
 from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
@@ -93,13 +92,7 @@ def _fit(outlines: Outlines, cameras: Cameras, turns: np.ndarray, spread: float)
 
 def _measure(outlines: Outlines, cameras: Cameras) -> Misses:
     """By how far the rays miss, in the sphere that holds the object and a little beyond."""
-    return find_misses(outlines, _pose(outlines, cameras), RADIUS)
-
-
-def _pose(outlines: Outlines, cameras: Cameras) -> Pose:
-    """The cameras, each with its own K, as the kernels take them."""
-    K, R, t = (part.numpy() for part in (cameras.K, cameras.R, cameras.t))
-    return make_pose(K, R, t, outlines.points)
+    return find_misses(outlines, pose_of(cameras, outlines.points), RADIUS)
 
 
 def _differentiate(
@@ -110,12 +103,13 @@ def _differentiate(
     A residual depends on two of the views: on the one whose ray it is, and on the one it misses.
     The depth along the ray is held.
     """
-    here = _pose(outlines, turn(cameras, turns))
+    points = outlines.points
+    here = pose_of(turn(cameras, turns), points)
     slopes = np.zeros((*misses.pixels.shape, turns.size))
     own, sample = np.nonzero(misses.view >= 0)
     missed = misses.view[own, sample]
     for axis, unit in enumerate(NUDGE * np.eye(3)):
-        up, down = (_pose(outlines, turn(cameras, turns + side * unit)) for side in (1, -1))
+        up, down = (pose_of(turn(cameras, turns + side * unit), points) for side in (1, -1))
         for view, rays, others in (
             (own, (up, down), (here, here)),
             (missed, (here, here), (up, down)),

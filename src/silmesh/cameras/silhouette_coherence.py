@@ -24,6 +24,7 @@ from scipy.special import ndtri
 from skimage.measure import find_contours
 
 from silmesh.errors import InputError
+from silmesh.geometry.camera import Cameras
 from silmesh.geometry.frame import is_cut, whole_frames
 from silmesh.geometry.signed_distance import signed_distance
 
@@ -184,6 +185,11 @@ def make_pose(
     rays = np.concatenate([points, np.ones_like(points[..., :1])], axis=2)
     rays = rays @ np.linalg.inv(K).swapaxes(-1, -2)
     return Pose(P, -np.einsum("vji,vj->vi", R, t), rays @ R, np.ascontiguousarray(t[:, 2]))
+
+
+def pose_of(cameras: Cameras, points: np.ndarray) -> Pose:
+    """Cameras, each with its own K, and the points [views, samples, 2] of their outlines."""
+    return make_pose(*(part.numpy() for part in (cameras.K, cameras.R, cameras.t)), points)
 
 
 def uncrop(points: np.ndarray, maps: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ import torch
 import trimesh
 from torch import Tensor
 
+from silmesh.cameras.exact import are_exact
 from silmesh.errors import InputError
 from silmesh.fitting.belief import Belief, believe_all
 from silmesh.fitting.checkpoint import Checkpoint
@@ -35,7 +36,8 @@ class Fitted:
         records: the losses before each step
         settings: by which it was fitted
         notes: mean IoU of the start and of the end with what counts of the silhouettes, the views
-            of which not all counts, and what a person should know, in sentences
+            of which not all counts, whether the cameras were left because they agree with the
+            outlines, and what a person should know, in sentences
         relief: after photographs had a say: what came of it, as ``relief.json`` says it
         standing: [verts] uint8, then: what each vertex stands on, 0 outlines, 1 photographs, 2 a
             guess
@@ -79,6 +81,8 @@ def fit_mesh(
     cameras = scene.cameras
     belief = belief or believe_all(scene, fitted_views(scene, settings))
     kept, known = belief.views, belief.known
+    exact = _has_exact_cameras(settings, scene, kept)
+    settings = settings.model_copy(update={"refine_cameras": False}) if exact else settings
     device = _choose_device(settings)
     template, faces = (part.to(device) for part in to_tensors(mesh))
     silhouettes = _to_tensor(scene.silhouettes, settings, device, kept)
@@ -98,6 +102,7 @@ def fit_mesh(
             "iou_end": belief.measure(fit.verts.cpu(), fit.faces.cpu(), corrected, scene),
             "distrusted": list(belief.distrusted),
             "corrected": list(belief.corrected),
+            "cameras_exact": exact,
             "warnings": belief.warnings + _name_slow_renderer(settings, device),
         }
         back = scene.similarity.inverse
@@ -116,6 +121,14 @@ def to_mesh(verts: Tensor, faces: Tensor) -> trimesh.Trimesh:
     """A mesh as it is read from the file that is written of it."""
     single = verts.cpu().numpy().astype(np.float32)
     return trimesh.Trimesh(single.astype(np.float64), faces.cpu().numpy(), process=False)
+
+
+def _has_exact_cameras(settings: Fit, scene: Scene, kept: list[int]) -> bool:
+    """Whether a fit that could refine the cameras leaves them, as they agree with the outlines."""
+    if not (isinstance(settings, FastFit) and settings.refine_cameras):
+        return False
+    frames = None if scene.frames is None else scene.frames[kept]
+    return are_exact(scene.silhouettes[kept], scene.cameras.select(kept), frames)
 
 
 def _to_tensor(
