@@ -6,10 +6,10 @@ what they show is compared with what the photograph shows, by PSNR of the colour
 cross-correlation (NCC) of the brightness in small blocks. A surface in the wrong place looks up the
 wrong colours. Only what the refinement moved is judged; the rest is the same for both.
 
-A first, coarse surface is judged in the same way: where it predicts nothing better, by neither
-measure, a finer one is not tried. Where the photographs confirm the finer one, the surface is
-refined once more by all photographs, those included, and that surface is taken if it passes the
-same judgement, which is no independent one then.
+A first, coarse surface is judged in the same way, beside the old one on the same coarse grid: where
+it predicts nothing better, by neither measure, a finer one is not tried. Where the photographs
+confirm the finer one, the surface is refined once more by all photographs, those included, and that
+surface is taken if it passes the same judgement, which is no independent one then.
 """
 
 import time
@@ -133,8 +133,8 @@ class _Scene:
     def doubt_by(self, held: Sequence[int], used: Sequence[int]) -> Doubt:
         """Why a coarse surface is a hint at nothing better, as ``refine`` asks for it."""
 
-        def doubt(surface: trimesh.Trimesh) -> str:
-            seen = compare(self.mesh, surface, self.originals, self.silhouettes, held, used)
+        def doubt(mesh: trimesh.Trimesh, surface: trimesh.Trimesh) -> str:
+            seen = compare(mesh, surface, self.originals, self.silhouettes, held, used)
             return _find_no_hint(seen)
 
         return doubt

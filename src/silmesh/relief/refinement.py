@@ -44,7 +44,9 @@ DENIED = 0.3  # share of those with texture, of which fewer with a depth are glo
 MANY = 0.1  # unless this share of all has one: photographs that are kept out judge those
 INNER = 2  # pixels within a silhouette from which on nothing may be missing
 
-Doubt = Callable[[trimesh.Trimesh], str]  # why a surface is not worth going on with, "" if it is
+# Why a surface, the second, is not worth going on with, "" if it is: the first is the given mesh as
+# the same grid has it.
+Doubt = Callable[[trimesh.Trimesh, trimesh.Trimesh], str]
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,7 @@ def refine(
     seed: int = 0,
     progress: Share = untold,
     known: Found | None = None,
-    doubt: Doubt = lambda surface: "",
+    doubt: Doubt = lambda mesh, surface: "",
 ) -> Relief:
     """Move a surface to where the photographs agree; where they do not it stays as it is.
 
@@ -198,8 +200,9 @@ class _Search:
         coarse = self._look_coarsely(half)
         self._progress(0.4)
         votes = confirm(half, coarse, find_texture(half), self._neighbours)
-        first = self._solve(half, coarse, votes, Grid.over(self._mesh, FIRST))
-        if first.surface is not None and (reason := doubt(first.surface)):
+        grid = Grid.over(self._mesh, FIRST)
+        first = self._solve(half, coarse, votes, grid)
+        if first.surface is not None and (reason := doubt(self._resample(grid), first.surface)):
             return self._stop(reason)
         self._progress(0.5)
         self.planes = self._look_finely(coarse)
@@ -241,6 +244,13 @@ class _Search:
     def _solve(self, sights: Sights, planes: Depths, votes: np.ndarray, grid: Grid) -> Solved:
         bound = measure(self._mesh, grid)
         return solve(sights, planes, votes, bound, grid, self._masks, self._cameras)
+
+    def _resample(self, grid: Grid) -> trimesh.Trimesh:
+        """The mesh as a grid has it: what ``_solve`` makes of it where no depths are found."""
+        bound = measure(self._mesh, grid)
+        nothing = np.zeros_like(bound)
+        field = settle(bound, nothing, nothing, grid.spacing)
+        return extract(field, grid) if (field > 0).any() else self._mesh
 
     def _stop(self, reason: str, counted: np.ndarray | None = None) -> Solved:
         nowhere = np.zeros(self.grid.shape, np.float32)
