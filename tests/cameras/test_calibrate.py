@@ -290,6 +290,7 @@ def test_a_photograph_that_came_twice_is_named(bear):
     assert "'p5' and 'p6' show the same silhouette" in said
 
 
+@pytest.mark.slow
 def test_views_out_of_order(bear):
     cameras, seen = bear
     order = np.random.default_rng(1).permutation(12)
@@ -402,6 +403,7 @@ def test_no_view_of_a_sound_turntable_disagrees(found):
     assert found.disagreeing == {}
 
 
+@pytest.mark.slow
 def test_views_that_most_contradict_are_refused_with_how_many_agree(plane):
     cameras, seen = plane
     order = np.random.default_rng(2).permutation(24)

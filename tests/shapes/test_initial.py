@@ -177,7 +177,9 @@ def test_small_looks_are_of_the_same_world(scene):
     np.testing.assert_array_equal(same, seen)
 
 
-@pytest.mark.parametrize(("cut", "reaches"), [(4, True), (8, False)])
+@pytest.mark.parametrize(
+    ("cut", "reaches"), [(4, True), pytest.param(8, False, marks=pytest.mark.slow)]
+)
 def test_an_object_that_the_photographs_frame_cuts_is_not_cut_off_there(cut, reaches):
     """Of padded photographs: beyond their box nothing is known, though the image goes on.
 
