@@ -23,7 +23,7 @@ GRAIN = 64  # pixels: a size that is lowered for it is a multiple
 # The estimate, fitted to the tables in docs/detail.md: GiB and seconds of a processor at least, a
 # million pixels of all views, and (seconds) a thousand vertices a view.
 MEMORY = (0.95, 0.0065)
-SECONDS = (15.0, 0.42, 0.042)
+SECONDS = (26.0, 0.73, 0.073)
 CORES = 1.5  # of which a run makes use on average, at most
 
 
@@ -96,7 +96,7 @@ def choose_detail(
 
 
 def estimate(size: int, views: int, vertices: int = 0) -> tuple[float, float]:
-    """GiB and processor seconds that a run takes, for masks and cameras that are given."""
+    """GiB and processor seconds that a run takes by the command's defaults, masks given."""
     pixels = views * size**2 / 1e6
     grown = min(vertices, 1500 * (size / LEAST) ** 2) * views / 1e3
     memory = MEMORY[0] + MEMORY[1] * pixels
