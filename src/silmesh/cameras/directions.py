@@ -20,12 +20,12 @@ from silmesh.cameras.gauss_newton import soften
 from silmesh.cameras.silhouette_coherence import (
     Misses,
     Outlines,
-    find_misses,
+    find_misses_of,
     measure_at,
     pose_of,
     trace,
 )
-from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
+from silmesh.geometry.camera import Cameras
 from silmesh.geometry.frame import whole_frames
 from silmesh.geometry.small_images import shrink
 
@@ -36,7 +36,6 @@ WIDE, NARROW = 0.02, 0.002  # radians: the prior's first standard deviation, and
 NOISE, INDEPENDENT = 0.15, 3  # pixels of error of a point; independent measurements of an outline
 STEPS = 12  # of each of the two fits at most
 LONGEST, SHORTEST = 0.02, 3e-4  # radians: of a step; steps shorter than this end a fit
-RADIUS = 1.2 * OBJECT_RADIUS  # of the sphere in which the rays are followed
 NUDGE = 0.002  # radians: of the differences that give the derivatives
 
 
@@ -76,7 +75,7 @@ def _fit(outlines: Outlines, cameras: Cameras, turns: np.ndarray, spread: float)
     """The turns [views, 3] of least cost, from a start, whose prior has this standard deviation."""
     prior = NOISE**2 * SAMPLES / INDEPENDENT / spread**2
     for _ in range(STEPS):
-        misses = _measure(outlines, turn(cameras, turns))
+        misses = find_misses_of(turn(cameras, turns), outlines)
         slopes = _differentiate(outlines, cameras, turns, misses)
         weights = soften(outlines.known, misses.pixels)
         weighted = slopes * weights.reshape(-1, 1)
@@ -88,11 +87,6 @@ def _fit(outlines: Outlines, cameras: Cameras, turns: np.ndarray, spread: float)
         if length < SHORTEST:
             break
     return turns
-
-
-def _measure(outlines: Outlines, cameras: Cameras) -> Misses:
-    """By how far the rays miss, in the sphere that holds the object and a little beyond."""
-    return find_misses(outlines, pose_of(cameras, outlines.points), RADIUS)
 
 
 def _differentiate(

@@ -8,9 +8,9 @@ far the rays through the outlines miss the visual hull of the other views does n
 
 import numpy as np
 
-from silmesh.cameras.silhouette_coherence import find_misses, pose_of, trace
+from silmesh.cameras.silhouette_coherence import find_misses_of, trace
 from silmesh.errors import InputError
-from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
+from silmesh.geometry.camera import Cameras
 from silmesh.geometry.small_images import LARGEST, shrink, shrink_frames
 
 # Pixels, root mean square. Outlines of right cameras miss by 0.11 to 0.21, as pixels are square; of
@@ -19,7 +19,6 @@ from silmesh.geometry.small_images import LARGEST, shrink, shrink_frames
 EXACT = 0.25
 RAYS = 2400  # in all, through points that are spread evenly along the outlines
 FEWEST = 24  # of one view
-RADIUS = 1.2 * OBJECT_RADIUS  # of the sphere in which the rays are followed
 
 
 def are_exact(silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray | None = None) -> bool:
@@ -30,13 +29,12 @@ def are_exact(silhouettes: np.ndarray, cameras: Cameras, frames: np.ndarray | No
         cameras: of these views, in the normalised world
         frames: [views, 4] of the photographs within the images; the whole images if not given
     """
-    if frames is not None:
-        frames = shrink_frames(silhouettes, LARGEST, frames)
+    frames = shrink_frames(silhouettes, LARGEST, frames)
     small, seen = shrink(silhouettes, cameras, LARGEST)
     try:
         outlines = trace(small, max(FEWEST, RAYS // len(small)), seen.views, frames)
     except InputError:  # a view without an outline
         return False
-    misses = find_misses(outlines, pose_of(seen, outlines.points), RADIUS)
+    misses = find_misses_of(seen, outlines)
     known = misses.pixels[outlines.known]
     return bool(len(known) and np.sqrt(np.square(known).mean()) <= EXACT)

@@ -24,7 +24,7 @@ from scipy.special import ndtri
 from skimage.measure import find_contours
 
 from silmesh.errors import InputError
-from silmesh.geometry.camera import Cameras
+from silmesh.geometry.camera import OBJECT_RADIUS, Cameras
 from silmesh.geometry.frame import is_cut, whole_frames
 from silmesh.geometry.signed_distance import signed_distance
 
@@ -36,6 +36,7 @@ BLUR = 1.0  # pixels: standard deviation of the Gaussian that locates outlines b
 # Pixels by which the blurred outline may leave a pixel's centre on its wrong side; without this
 # limit the blur would erase thin parts.
 SHIFT = 0.35
+RADIUS = 1.2 * OBJECT_RADIUS  # of the sphere in which rays are followed in a normalised world
 EDGE = 1.0  # pixels: an outline this near the frame is taken to be the frame and not the object
 
 
@@ -227,6 +228,11 @@ def find_misses(outlines: Outlines, pose: Pose, radius: float) -> Misses:
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(follow, [np.arange(i, views, threads) for i in range(threads)]))
     return Misses(pixels, depth, view)
+
+
+def find_misses_of(cameras: Cameras, outlines: Outlines) -> Misses:
+    """The residuals of cameras in the normalised world, which holds the object in its sphere."""
+    return find_misses(outlines, pose_of(cameras, outlines.points), RADIUS)
 
 
 def distance_between(outlines: Outlines) -> float:
