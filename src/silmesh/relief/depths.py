@@ -1,7 +1,7 @@
 """Depths that photographs agree on, by PatchMatch stereo on slanted planes.
 
 Each pixel of a view holds a plane (depth and normal), which is scored by how well the neighbouring
-views agree with it: one less the mean of the better half of their normalised cross-correlations.
+views agree with it: the mean of the BEST greatest of their normalised cross-correlations.
 The first plane is the mesh's own or the best of a few random ones; then good planes spread from
 pixel to pixel, over the rows and back, and are tried a little changed (Bleyer, Rhemann and Rother
 2011; Galliani, Lasinger and Schindler 2015). A depth lies on the ray between where the mesh is
@@ -20,6 +20,7 @@ import trimesh
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numba import njit
+from scipy.ndimage import maximum_filter
 
 from silmesh.relief.ncc import FLAT, OPTIONS, RADIUS, carry, correlate, find_detail, gather
 from silmesh.relief.sights import Sights
@@ -27,6 +28,7 @@ from silmesh.relief.sights import Sights
 NEIGHBOURS = 6  # views that a view is compared with
 ANGLES = 5.0, 40.0  # degrees between lines of sight: closer ones tell no depth, wider ones no pixel
 BEST_ANGLE = 15.0
+BEST = 2  # views whose agreement scores a plane: deep in a hollow hardly more see a place
 RANDOM = 4  # planes that a pixel first tries beside the mesh's
 STEEPEST = 0.17  # cosine of the greatest angle between a plane's normal and its ray
 MARGIN = 0.01  # world units: so far before the mesh the surface may be
@@ -190,11 +192,14 @@ def sweep(
 
 
 def find_texture(sights: Sights) -> np.ndarray:
-    """Whether a pixel's window shows enough for a depth to count: [views, height, width] bool."""
+    """Whether there is enough about a pixel for a depth to count: [views, height, width] bool.
+
+    It lies in a window that shows enough.
+    """
     found = np.zeros(sights.masks.shape, np.bool_)
     with ThreadPoolExecutor(torch.get_num_threads()) as pool:
         list(pool.map(_find_texture, sights.images, sights.masks, found))
-    return found
+    return maximum_filter(found, (1, 2 * RADIUS + 1, 2 * RADIUS + 1)) & sights.masks
 
 
 @njit(**OPTIONS)
@@ -358,7 +363,6 @@ def _try(view, planes, window, c, r, z, total, deviation):
     _face(window.normal, x, y)
     count, views, each = 0, len(view.views), window.each
     du, dv = window.slopes
-    best = min(views, max(2, (views + 1) // 2))
     for k in range(views):
         u, v = carry(view.back, view.A[k], view.b[k], c, r, z, window.normal, du, dv)
         if not u >= 0:
@@ -371,18 +375,18 @@ def _try(view, planes, window, c, r, z, total, deviation):
             at -= 1
         each[at] = alike
         count += 1
-        ahead = min(best, views - 1 - k)
+        ahead = min(BEST, views - 1 - k)
         most = np.float32(ahead)  # if all of them agreed fully
-        for at in range(min(best - ahead, count)):
+        for at in range(min(BEST - ahead, count)):
             most += each[at]
-        if most <= best * planes.score[r, c]:
+        if most <= BEST * planes.score[r, c]:
             return
-    if count < 2:
+    if count < BEST:
         return
     mean = 0.0
-    for k in range(min(best, count)):
+    for k in range(BEST):
         mean += each[k]
-    mean /= best
+    mean /= BEST
     if mean > planes.score[r, c]:
         planes.score[r, c] = mean
         planes.depth[r, c] = z
