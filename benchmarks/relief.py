@@ -95,13 +95,13 @@ class Timed:
 def measure(case: Case, given: argparse.Namespace, folder: Path) -> dict[str, Any]:
     """A row of the table, and what else was found."""
     fitted = prepare(case, given.size, given.working, folder, given.scans, given.steps)
-    timed, sigma = Timed(), FastFit().sigma_at(given.working)
+    timed = Timed()
     judged = refine_if_better(
         fitted.mesh,
         fitted.originals,
         fitted.silhouettes,
         fitted.cameras,
-        sigma,
+        lambda body: measure_iou(fitted, body),
         seed=given.seed,
         by=timed,
         mend=lambda refined: follow_outlines(

@@ -13,7 +13,12 @@ from silmesh.settings.fit import FastFit
 
 
 @pytest.mark.slow
-def test_a_hollow_opens_in_a_world_of_another_size_far_from_its_origin(tmp_path):
+@pytest.mark.parametrize("outlines", [1024, 64])
+def test_a_hollow_opens_in_a_world_of_another_size_far_from_its_origin(
+    tmp_path, monkeypatch, outlines
+):
+    """Also where the silhouettes are larger than those that outlines are judged in."""
+    monkeypatch.setattr("silmesh.fitting.photometric.OUTLINES", outlines)
     ball = HollowBall(tmp_path, patterned)
     afar = Similarity(torch.tensor([900.0, -400.0, 60.0], dtype=torch.float64), 7.0)
     verts = afar.apply(torch.tensor(ball.hull.vertices)).numpy()

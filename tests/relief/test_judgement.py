@@ -12,7 +12,9 @@ from PIL import Image
 from silmesh.cameras.turntable import orbit_cameras
 from silmesh.fitting.mending import follow_outlines
 from silmesh.geometry.camera import Cameras
+from silmesh.geometry.mesh_files import to_tensors
 from silmesh.geometry.originals import Originals
+from silmesh.geometry.silhouette_iou import silhouette_iou
 from silmesh.relief.judgement import compare, refine_if_better
 from silmesh.relief.refinement import Relief
 from silmesh.relief.surface import PHOTOGRAPHS
@@ -43,6 +45,11 @@ class Scene:
     originals: Originals
     silhouettes: np.ndarray
     cameras: Cameras
+
+    def overlap(self, mesh: trimesh.Trimesh) -> float:
+        """Mean IoU with the silhouettes."""
+        seen = self.cameras, self.silhouettes, SIGMA
+        return float(silhouette_iou(*to_tensors(mesh), *seen).mean())
 
 
 def look(mesh: trimesh.Trimesh, cameras: Cameras, i: int) -> tuple[np.ndarray, np.ndarray]:
@@ -95,7 +102,13 @@ def judge(scene: Scene, old: trimesh.Trimesh, new: trimesh.Trimesh, mend=None):
 
 def judge_by(scene: Scene, old: trimesh.Trimesh, by, mend=None):
     return refine_if_better(
-        old, scene.originals, scene.silhouettes, scene.cameras, SIGMA, by=by, mend=mend
+        old,
+        scene.originals,
+        scene.silhouettes,
+        scene.cameras,
+        scene.overlap,
+        by=by,
+        mend=mend,
     )
 
 
@@ -184,11 +197,11 @@ def test_flat_photographs_are_not_tried(tmp_path: Path) -> None:
     ball = make_ball(0.0)
     scene = photograph(ball, tmp_path, flat=True)
     found = refine_if_better(
-        ball, scene.originals, scene.silhouettes, scene.cameras, SIGMA, by=fail
+        ball, scene.originals, scene.silhouettes, scene.cameras, scene.overlap, by=fail
     )
     assert "show nothing" in found.notes["because"]
     few = refine_if_better(
-        ball, scene.originals, scene.silhouettes, scene.cameras, SIGMA, range(7), by=fail
+        ball, scene.originals, scene.silhouettes, scene.cameras, scene.overlap, range(7), by=fail
     )
     assert "7 photographs" in few.notes["because"]
 

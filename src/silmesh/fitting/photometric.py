@@ -11,7 +11,10 @@ import trimesh
 from silmesh.fitting.fit import fitted_views
 from silmesh.fitting.mending import follow_outlines
 from silmesh.geometry.camera import Cameras, Similarity
+from silmesh.geometry.mesh_files import to_tensors
 from silmesh.geometry.originals import Originals
+from silmesh.geometry.silhouette_iou import silhouette_iou
+from silmesh.geometry.small_images import shrink, shrink_frames
 from silmesh.progress import Share, untold
 from silmesh.relief.judgement import Judged, refine_if_better
 from silmesh.scene.scene import Scene
@@ -19,6 +22,7 @@ from silmesh.settings.fit import FastFit
 from silmesh.views import View
 
 LONGEST = 1600  # pixels of a photograph's longer side; more shows no more of a shape
+OUTLINES = 1024  # pixels of the images by whose silhouettes it is judged, and led back to them
 
 
 def refine_by_photographs(
@@ -48,20 +52,25 @@ def refine_by_photographs(
     centring = Similarity.centring(mesh.bounds)  # lengths are those of a world of this size
     cameras = cameras.in_world_of(centring)
 
+    small, seen = shrink(silhouettes, cameras, OUTLINES)
+    frames = shrink_frames(silhouettes, OUTLINES, scene.frames)
+    sigma = settings.sigma_at(small.shape[-1])
+
+    def overlap(body: trimesh.Trimesh) -> float:
+        return float(silhouette_iou(*to_tensors(body), seen, small, sigma, frames).mean())
+
     def mend(refined: trimesh.Trimesh) -> trimesh.Trimesh:
         """By the silhouettes of the views that are believed."""
-        frames = None if scene.frames is None else scene.frames[believed]
-        seen = cameras.select(believed), silhouettes[believed]
-        return follow_outlines(refined, *seen, settings, frames)
+        spoken = None if frames is None else frames[believed]
+        return follow_outlines(refined, seen.select(believed), small[believed], settings, spoken)
 
     judged = refine_if_better(
         _move(mesh, centring),
         Originals(cameras, views, scene.notes.get("lenses"), LONGEST),
         silhouettes,
         cameras,
-        settings.sigma_at(scene.silhouettes.shape[-1]),
+        overlap,
         [i for i in believed if cameras.views[i] not in unreadable],
-        scene.frames,
         settings.seed,
         progress,
         mend=mend,

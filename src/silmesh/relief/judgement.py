@@ -22,10 +22,8 @@ import trimesh
 from scipy.ndimage import minimum_filter
 
 from silmesh.geometry.camera import Cameras
-from silmesh.geometry.mesh_files import to_tensors
 from silmesh.geometry.originals import Originals
 from silmesh.geometry.resampling import resample
-from silmesh.geometry.silhouette_iou import silhouette_iou
 from silmesh.geometry.small_images import LARGEST, shrink
 from silmesh.progress import Share, untold, within
 from silmesh.relief.free_space import Grid
@@ -70,9 +68,8 @@ def refine_if_better(
     originals: Originals,
     silhouettes: np.ndarray,
     cameras: Cameras,
-    sigma: float,
+    overlap: Callable[[trimesh.Trimesh], float],
     kept: Sequence[int] | None = None,
-    frames: np.ndarray | None = None,
     seed: int = 0,
     progress: Share = untold,
     by: Callable[..., Relief] = refine,
@@ -82,9 +79,8 @@ def refine_if_better(
 
     Args:
         mesh, originals, silhouettes, cameras, seed, progress: as ``refine`` has them
-        sigma: softness of the silhouettes, by which their IoU is measured
+        overlap: measures the mean IoU of a mesh with the silhouettes
         kept: positions of the views that are believed; all if not given
-        frames: [views, 4] of the photographs within the working images
         by: what refines
         mend: moves the vertices of a mesh back to the silhouettes, if these are lost otherwise
     """
@@ -95,7 +91,7 @@ def refine_if_better(
         return _stay(mesh, before, doubt, {}, started)
     held = views[HELD - 1 :: HELD]
     used = [view for view in views if view not in held]
-    scene = _Scene(mesh, originals, silhouettes, cameras, sigma, frames, mend)
+    scene = _Scene(mesh, originals, silhouettes, overlap, mend)
     given = mesh, originals, silhouettes, cameras
     relief = by(*given, used, seed, within(progress, 0, 0.7), None, scene.doubt_by(held, used))
     notes = {"held_out": [cameras.views[i] for i in held], "refinement": relief.notes}
@@ -120,15 +116,8 @@ class _Scene:
     mesh: trimesh.Trimesh
     originals: Originals
     silhouettes: np.ndarray
-    cameras: Cameras
-    sigma: float
-    frames: np.ndarray | None
+    overlap: Callable[[trimesh.Trimesh], float]
     mend: Callable[[trimesh.Trimesh], trimesh.Trimesh] | None
-
-    def measure_iou(self, mesh: trimesh.Trimesh) -> float:
-        """Mean IoU with the silhouettes."""
-        told = self.cameras, self.silhouettes, self.sigma, self.frames
-        return float(silhouette_iou(*to_tensors(mesh), *told).mean())
 
     def doubt_by(self, held: Sequence[int], used: Sequence[int]) -> Doubt:
         """Why a coarse surface is a hint at nothing better, as ``refine`` asks for it."""
@@ -361,10 +350,10 @@ def _fill_outlines(scene: _Scene, new: trimesh.Trimesh) -> tuple[trimesh.Trimesh
         the surface, as it was if that does not help; and the notes ``iou`` of the old surface and
         of this one, and whether it was ``mended``
     """
-    before, after = map(scene.measure_iou, (scene.mesh, new))
+    before, after = map(scene.overlap, (scene.mesh, new))
     if before - after > LOST and scene.mend:
         mended = scene.mend(new)
-        iou = scene.measure_iou(mended)
+        iou = scene.overlap(mended)
         if iou > after:
             return mended, {"iou": _pair(before, iou), "mended": True}
     return new, {"iou": _pair(before, after), "mended": False}

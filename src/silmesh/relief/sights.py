@@ -8,8 +8,10 @@ them is as large as is wanted.
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 from PIL import Image
 
+from silmesh.ahead import ahead
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.originals import Originals
 
@@ -81,8 +83,10 @@ def look(
     images = np.zeros((len(views), height, width), np.float32)
     masks = np.zeros(images.shape, bool)
     K = originals.cameras.K[views].numpy().copy()
-    for at, (i, box, (w, h)) in enumerate(zip(views, boxes, sizes, strict=True)):
-        grey = Image.fromarray(originals.read(i)).convert("L").convert("F")
+    photographs = ahead(originals.read, views, torch.get_num_threads())
+    given = zip(views, boxes, sizes, photographs, strict=True)
+    for at, (i, box, (w, h), photograph) in enumerate(given):
+        grey = Image.fromarray(photograph).convert("L").convert("F")
         images[at, :h, :w] = grey.resize((w, h), Image.Resampling.BOX, box=box)
         across, down = w / (box[2] - box[0]), h / (box[3] - box[1])
         K[at] = (
