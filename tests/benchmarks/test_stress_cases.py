@@ -77,6 +77,7 @@ def test_another_object_is_never_the_object_itself(ring):
     assert (case.given_masks != case.masks).any(axis=(1, 2)).all()
 
 
+@pytest.mark.slow
 def test_the_worker_makes_a_mesh_of_a_case_and_says_how_good_it_is(clean, tmp_path):
     write_case(clean, tmp_path, SIZE, calibrated=False)
     told = reconstruct(tmp_path, tmp_path / "mesh.ply")

@@ -136,7 +136,7 @@ def test_even_steps_are_left_alone(found):
     assert not found.offsets.any()
 
 
-@pytest.mark.parametrize("arc", [360, 180])
+@pytest.mark.parametrize("arc", [pytest.param(360, marks=pytest.mark.slow), 180])
 def test_an_unknown_step_is_found(arc):
     cameras = stand(0.97 * arc / 16 * np.arange(16), size=64)
     told = []
@@ -281,6 +281,7 @@ def test_steps_that_explain_as_much_are_named():
     ]
 
 
+@pytest.mark.slow
 def test_a_photograph_that_came_twice_is_named(bear):
     _, seen = bear
     order = [0, 1, 2, 3, 4, 5, 5, 6, 7, 8, 9, 10, 11]
@@ -364,6 +365,7 @@ def assert_found(found, cameras, elevation):
     assert found.estimates["step"].value > 0
 
 
+@pytest.mark.slow
 def test_bitten_silhouettes_have_no_say_and_are_named(plane):
     cameras, seen = plane
     bitten, wrong = seen.copy(), [2, 3, 9, 16, 21]
@@ -387,6 +389,7 @@ def test_bites_in_small_images_leave_a_turntable():
     assert_found(calibrate(bitten, cameras.views), cameras, 10)
 
 
+@pytest.mark.slow
 def test_wrong_silhouettes_are_named_and_empty_ones_are_not(plane):
     cameras, seen = plane
     swapped, other = seen.copy(), render("pot", cameras)
@@ -436,6 +439,7 @@ def test_views_of_different_things():
         calibrate(seen, [str(i) for i in range(12)], step=30)
 
 
+@pytest.mark.slow
 @pytest.mark.data
 def test_the_moisturiser(data, tmp_path):
     """The report's cameras reach 0.82."""

@@ -179,6 +179,7 @@ def test_cameras_that_agree_are_left_alone(bear):
     assert "crops" not in settled.figures
 
 
+@pytest.mark.slow
 def test_crops_that_cut_the_object_are_refused(bear):
     cameras = stand(16)
     silhouettes = render(crop_to_box(cameras, bear[0], margin=-0.15)[0], bear)

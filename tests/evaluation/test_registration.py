@@ -51,6 +51,7 @@ def test_a_turn_about_the_up_axis_of_a_coarser_mesh():
     assert found.scale == pytest.approx(1 / 0.7, rel=0.01)
 
 
+@pytest.mark.slow
 def test_a_mirror_image_fits_badly():
     truth = teapot()
     mirrored = truth.copy()

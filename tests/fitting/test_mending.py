@@ -36,7 +36,11 @@ def fit_to(mesh: trimesh.Trimesh, cameras: Cameras, silhouettes: np.ndarray) -> 
 
 
 @pytest.mark.parametrize(
-    ("size", "share", "lost", "left"), [(64, 0.98, 0.04, 0.01), (512, 0.995, 0.009, -0.004)]
+    ("size", "share", "lost", "left"),
+    [
+        (64, 0.98, 0.04, 0.01),
+        pytest.param(512, 0.995, 0.009, -0.004, marks=pytest.mark.slow),
+    ],
 )
 def test_the_outline_comes_back_and_the_hollow_stays(size, share, lost, left):
     """Also in images that are larger than those that a fit looks at as a whole."""

@@ -47,7 +47,7 @@ def take_steps(procedure, views, settings, device):
 @pytest.mark.parametrize(
     ("procedure", "settings"),
     [
-        (SoftRas, SoftRasFit(iterations=2)),
+        pytest.param(SoftRas, SoftRasFit(iterations=2), marks=pytest.mark.slow),
         (Fast, FastFit(iterations=4, batch=2, untangle=False)),
     ],
 )

@@ -140,6 +140,7 @@ def test_a_surface_that_leaves_the_outlines_is_refused(dented: Scene) -> None:
     assert "IoU would fall" in found.notes["because"]
 
 
+@pytest.mark.slow
 def test_a_surface_a_part_of_a_pixel_too_small_is_led_back(dented: Scene) -> None:
     """A pixel is 0.0229 at the ball, of which 0.4 is 2.3 % of its radius."""
 

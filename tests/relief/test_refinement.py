@@ -42,11 +42,12 @@ def test_depths_of_a_hollow_are_the_truth(textured):
     scene = textured
     views = list(range(len(scene.cameras)))
     sights = look(scene.originals, scene.silhouettes, scene.cameras, views, 400)
-    found = sweep(sights, cast_rays(scene.hull, sights), find_neighbours(sights), 4, seed=0)
+    some = views[::4]
+    found = sweep(sights, cast_rays(scene.hull, sights), find_neighbours(sights), 4, 0, only=some)
     true = cast_rays(scene.truth, sights).front
     hidden = (true - cast_rays(scene.hull, sights).front > 0.05) & (found.depth > 0)
     off = np.abs(found.depth - true)[hidden]
-    assert hidden.sum() > 10_000
+    assert hidden.sum() > 2_500
     assert np.median(off) < 0.006  # of a size of 0.84: less than one pixel
     assert np.mean(off < 0.02) > 0.85
 

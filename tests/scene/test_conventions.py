@@ -287,6 +287,7 @@ def test_poses_of_a_left_handed_world_are_taken_in_its_mirror_image(
     np.testing.assert_allclose(there, cameras.project(POINTS).numpy(), atol=1e-6)
 
 
+@pytest.mark.slow
 def test_cameras_of_other_photographs_fit_no_convention(tmp_path, cameras, seen):
     far = Cameras(cameras.views, cameras.sizes, cameras.K, cameras.R, -cameras.t)
     path = write_transforms(tmp_path / "transforms.json", far, TO_OPENGL)

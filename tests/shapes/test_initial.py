@@ -269,6 +269,7 @@ def test_views_that_lose_their_weight_are_named():
     assert first.notes["starts"]["hull"]["iou"] > 0.95 > first.notes["iou_mean"]
 
 
+@pytest.mark.slow
 def test_a_hull_whose_mesh_loses_what_is_thin_gets_more_vertices():
     """A disc of a pixel and a half: edges of five pixels tear it, shorter ones less."""
     cameras = dome(16, SIZE)

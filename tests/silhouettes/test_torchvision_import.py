@@ -28,6 +28,7 @@ def test_segmentation_is_imported():
     assert run(f"import silmesh.silhouettes.torchvision_import as module\n{WITH_OPERATORS}") == "2"
 
 
+@pytest.mark.slow
 def test_names_alone_are_enough_where_the_operators_do_not_load():
     if loads_operators():
         pytest.skip("this torchvision suits this torch, whose operators have their names already")

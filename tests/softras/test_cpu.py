@@ -66,6 +66,7 @@ def make_layers(count, size):
     return points.reshape(1, -1, 2), (4 * torch.arange(count)[:, None, None] + faces).reshape(-1, 3)
 
 
+@pytest.mark.slow
 def test_passing_over_what_is_spent_changes_nothing_that_counts():
     points, faces = make_layers(600, 96)  # the cells are looked at when 1,024 faces are drawn
     upstream = torch.rand(1, 96, 96, generator=torch.Generator().manual_seed(4))
