@@ -7,7 +7,7 @@ import trimesh
 from hollow_balls import CENTRE, FLOOR, HOLLOW, HollowBall, glossy, patterned, plain
 
 from silmesh.relief.depths import cast_rays, find_neighbours, sweep
-from silmesh.relief.refinement import Relief, _refuse, refine
+from silmesh.relief.refinement import Relief, _choose_resolution, _refuse, refine
 from silmesh.relief.sights import look
 from silmesh.relief.surface import PHOTOGRAPHS
 from silmesh.shapes.downsample import render
@@ -115,3 +115,11 @@ def test_what_is_thinner_than_the_grid_stays_as_it_is(textured):
 )
 def test_few_depths_are_gloss_but_many_are_left_to_the_judge(share, of_textured, refused):
     assert bool(_refuse(share, of_textured)) == refused
+
+
+@pytest.mark.parametrize(
+    ("extents", "along"), [((1, 1, 1), 144), ((1.5, 1, 1), 189), ((1, 1, 0.01), 224)]
+)
+def test_slim_and_flat_objects_have_finer_voxels(extents, along):
+    """As many as of a cube: 144^3 of 1.5 x 1 x 1 are 189 x 126 x 126."""
+    assert _choose_resolution(trimesh.creation.box(extents)) == along

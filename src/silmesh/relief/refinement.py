@@ -34,8 +34,10 @@ from silmesh.relief.surface import (
 
 LONGEST = 400  # pixels of the object in the finer of the two sizes that depths are found at
 COARSE, FINE = 4, 1  # passes over the rows at each size
-RESOLUTION = 144  # voxels along the longest side
-FIRST = 72  # voxels of the first surface, of depths at half the size
+# Voxels along the side of a cube that is as large as the box about the mesh, so that what is slim
+# or flat has finer ones; at most FINEST along the longest side of the box.
+RESOLUTION, FINEST = 144, 224
+FIRST = 0.5  # of these for the first surface, of depths at half the size
 DOUBTS = 2  # rounds in which depths that others see through are left out
 STRIKES = 4  # most rounds in which depths that contradict silhouettes are struck
 VERTICES = 16_000  # of the refined surface, if the mesh has no more
@@ -138,6 +140,12 @@ def _finish(
     return match_rims(simple, mesh, cameras, size)
 
 
+def _choose_resolution(mesh: trimesh.Trimesh) -> int:
+    """Voxels along the longest side of the box about a mesh."""
+    longest, side = float(mesh.extents.max()), float(np.cbrt(mesh.extents.prod()))
+    return round(min(FINEST, RESOLUTION * longest / max(side, 1e-9)))
+
+
 def _refuse(share: float, of_textured: float) -> str:
     """Why depths on these shares of all pixels, and of those with texture, are too few, if so."""
     if share < FEW:
@@ -186,7 +194,7 @@ class _Search:
     ):
         self._mesh, self._sights, self._masks, self._cameras = mesh, sights, masks, cameras
         self._seed, self._progress = seed, progress
-        self.grid, self.planes = Grid.over(mesh, RESOLUTION), None
+        self.grid, self.planes = Grid.over(mesh, _choose_resolution(mesh)), None
         self._neighbours = find_neighbours(sights)
         self._rays = cast_rays(mesh, sights)
         self._covered = self._rays.front > 0
@@ -200,7 +208,7 @@ class _Search:
         coarse = self._look_coarsely(half)
         self._progress(0.4)
         votes = confirm(half, coarse, find_texture(half), self._neighbours)
-        grid = Grid.over(self._mesh, FIRST)
+        grid = Grid.over(self._mesh, round(FIRST * _choose_resolution(self._mesh)))
         first = self._solve(half, coarse, votes, grid)
         if first.surface is not None and (reason := doubt(self._resample(grid), first.surface)):
             return self._stop(reason)
