@@ -22,7 +22,7 @@ from silmesh.settings.fit import FastFit
 from silmesh.views import View
 
 LONGEST = 1600  # pixels of a photograph's longer side; more shows no more of a shape
-OUTLINES = 1024  # pixels of the images by whose silhouettes it is judged, and led back to them
+OUTLINES = 1024  # pixels of the images where a surface is judged by outlines, and led back to them
 
 
 def refine_by_photographs(
