@@ -4,9 +4,10 @@ import torch
 from scenes import silhouettes, turntable
 from scipy.ndimage import binary_dilation
 
-from silmesh.scene.votes import GRACE, REACH, ROUND, count_denials
+from silmesh.scene.votes import GRACE, REACH, count_denials
 
 SIZE = 32
+NEIGHBOURS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], bool)
 
 
 def plainly(seen, cameras, i):
@@ -15,7 +16,7 @@ def plainly(seen, cameras, i):
     They are as far apart as a pixel is wide at the object, from end to end of the chord in which a
     ray meets the sphere.
     """
-    denied = ~binary_dilation(seen, ROUND[None], iterations=GRACE)
+    denied = ~binary_dilation(seen, NEIGHBOURS[None], iterations=GRACE)
     eye = cameras.centres[i].numpy()
     step = float(cameras.centres.norm(dim=1).median() / cameras.K[0, 0, 0])
     counts = np.full((SIZE, SIZE), len(seen) + 1)

@@ -4,7 +4,7 @@ from collections import Counter
 
 import numpy as np
 
-from silmesh.geometry.frame import whole_frames
+from silmesh.geometry.frame import find_box, whole_frames
 
 MOST = 0.8  # of the views: so many have to show it
 CENTRED = 0.02  # of the photograph's longer side by which opposite margins may differ, and 1 pixel
@@ -51,11 +51,7 @@ def find_margins(silhouettes: np.ndarray, frames: np.ndarray) -> np.ndarray:
         silhouettes: [views, height, width] bool, none empty
         frames: [views, 4] of the photographs within the images
     """
-    boxes = []
-    for silhouette in silhouettes:
-        rows, columns = (np.flatnonzero(silhouette.any(axis=axis)) for axis in (1, 0))
-        boxes.append([columns[0], rows[0], columns[-1] + 1, rows[-1] + 1])
-    inside = np.array(boxes) - frames
+    inside = np.array([find_box(silhouette) for silhouette in silhouettes]) - frames
     return inside * [1, 1, -1, -1]
 
 
@@ -100,9 +96,7 @@ def are_alike(silhouettes: np.ndarray) -> bool:
 
 def _sample_box(silhouette: np.ndarray) -> np.ndarray:
     """What is in a silhouette's box, at even samples: [SAMPLES, SAMPLES] bool."""
-    rows, columns = (np.flatnonzero(silhouette.any(axis=axis)) for axis in (1, 0))
+    left, top, right, bottom = find_box(silhouette)
     at = (np.arange(SAMPLES) + 0.5) / SAMPLES
-    v, u = (
-        np.floor(side[0] + at * (side[-1] + 1 - side[0])).astype(int) for side in (rows, columns)
-    )
+    v, u = np.floor([top + at * (bottom - top), left + at * (right - left)]).astype(int)
     return silhouette[np.ix_(v, u)]

@@ -50,12 +50,12 @@ def make_texture(
     refuse_changed([view for view in views if view.view in used])
     held = held_out(len(cameras), holdout)
     kept = [i for i in range(len(cameras)) if i not in set(held)] if held else None
-    originals = Originals(cameras, views, lenses)
+    originals = Originals(cameras, views, lenses, silhouettes=silhouettes)
     share = within(progress, 0.0, BAKED) if held else progress
     baked = bake(mesh, originals, silhouettes, settings.pixels, kept, share)
     measured = None
     if held:
-        smaller = Originals(cameras, views, lenses, LONGEST)
+        smaller = Originals(cameras, views, lenses, LONGEST, silhouettes)
         measured = measure_appearance(baked, smaller, silhouettes, held)
     progress(1.0)
     notes = {key: value for key, value in baked.notes.items() if key != "seconds"}  # same each time

@@ -66,7 +66,7 @@ def refine_by_photographs(
 
     judged = refine_if_better(
         _move(mesh, centring),
-        Originals(cameras, views, scene.notes.get("lenses"), LONGEST),
+        Originals(cameras, views, scene.notes.get("lenses"), LONGEST, silhouettes),
         silhouettes,
         cameras,
         overlap,

@@ -23,6 +23,18 @@ def find_shown(silhouettes: np.ndarray) -> np.ndarray:
     return np.flatnonzero(silhouettes.any(axis=(1, 2)))
 
 
+def find_box(silhouette: np.ndarray) -> tuple[int, int, int, int]:
+    """Left, top, right and bottom of what a silhouette fills, as a frame's; all 0 if it is empty.
+
+    Args:
+        silhouette: [height, width] bool
+    """
+    rows, columns = (np.flatnonzero(silhouette.any(axis=axis)) for axis in (1, 0))
+    if not len(rows):
+        return 0, 0, 0, 0
+    return int(columns[0]), int(rows[0]), int(columns[-1]) + 1, int(rows[-1]) + 1
+
+
 def whole_frames(silhouettes: np.ndarray) -> np.ndarray:
     """The frames of photographs that fill their images [views, height, width]: [views, 4]."""
     count, height, width = silhouettes.shape
@@ -48,7 +60,8 @@ def count_on_frame(silhouette: np.ndarray, frame: Sequence[int]) -> int:
         frame: of the photograph within the image
     """
     left, top, right, bottom = frame
-    return int(silhouette.sum() - silhouette[top + 1 : bottom - 1, left + 1 : right - 1].sum())
+    within = silhouette[top + 1 : bottom - 1, left + 1 : right - 1]
+    return int(np.count_nonzero(silhouette) - np.count_nonzero(within))
 
 
 def open_frames(

@@ -4,8 +4,8 @@ The fit sees working images of a few hundred pixels; colours, fine relief and th
 what was photographed. A photograph's pixels are those of the working image but for a scale and a
 shift (``views.View``), so cameras of working images become cameras of photographs by their K alone,
 also where the fit has refined them. A lens is taken away at the photograph's own size, where it
-moves more pixels than in the working image. Photographs stay in memory once they were read if
-there is room for all of them.
+moves more pixels than in the working image, if need be only about the object. Photographs stay in
+memory once they were read if there is room for all of them.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,11 +16,13 @@ import torch
 from PIL import Image
 
 from silmesh.geometry.camera import Cameras
+from silmesh.geometry.frame import find_box
 from silmesh.geometry.resampling import resample
 from silmesh.geometry.undistortion import Bent, follow
 from silmesh.views import View, read_photograph
 
 KEPT = 512_000_000  # bytes of all photographs that stay in memory; of more none does
+AROUND = 0.05  # of the working image's side: how far about its silhouette an object is looked at
 
 
 class Originals:
@@ -31,6 +33,8 @@ class Originals:
         views: of at least the same names
         lenses: of the views that had one what ``Bent.describe`` says of it, as ``scene.json`` does
         longest: pixels of the longer side; a larger photograph is scaled down to it
+        silhouettes: [views, height, width] bool of the working images, far from which a photograph
+            that had a lens is black; nowhere if not given
     Attributes:
         cameras: the same in pixels of the photographs as ``read`` gives them
     """
@@ -41,9 +45,11 @@ class Originals:
         views: Sequence[View],
         lenses: Mapping[str, Mapping[str, Any]] | None = None,
         longest: int | None = None,
+        silhouettes: np.ndarray | None = None,
     ):
         named = {view.view: view for view in views}
         self._given = cameras, views, lenses
+        self._silhouettes = silhouettes
         self._views = [named[view] for view in cameras.views]
         self._bent = {view: Bent.parse(said) for view, said in (lenses or {}).items()}
         sizes = [_scale_down(view, longest) for view in self._views]
@@ -59,7 +65,7 @@ class Originals:
     def at_most(self, longest: int) -> "Originals":
         """The same, a larger photograph scaled down to so many pixels; itself if none is larger."""
         large = bool((self.cameras.sizes > longest).any())
-        return Originals(*self._given, longest) if large else self
+        return Originals(*self._given, longest, self._silhouettes) if large else self
 
     def read(self, i: int) -> np.ndarray:
         """The photograph of the i-th camera, [height, width, 3] uint8 sRGB; black beyond its frame.
@@ -105,7 +111,16 @@ class Originals:
             return _apply(self._maps[i], bent.find_sources(self._to_working(places, i)))
 
         shape = pixels.shape[:2]
-        return resample(pixels, follow(find, shape), shape, cubic=True)
+        part = None if self._silhouettes is None else self._look_around(i)
+        return resample(pixels, follow(find, shape), shape, cubic=True, part=part)
+
+    def _look_around(self, i: int) -> tuple[int, int, int, int]:
+        """Left, top, right and bottom of what is looked at about the object, in the photograph."""
+        silhouette = self._silhouettes[i]
+        box = np.array(find_box(silhouette), float).reshape(2, 2)
+        box += AROUND * max(silhouette.shape) * np.array([[-1], [1]])
+        corners = _apply(self._maps[i], box).clip(0, self.cameras.sizes[i].numpy())
+        return tuple(corners.round().astype(int).ravel().tolist())
 
     def _to_working(self, pixels: np.ndarray, i: int) -> np.ndarray:
         return _apply(np.linalg.inv(self._maps[i]), pixels)

@@ -7,12 +7,18 @@ the first to the last along both sides; between these it is interpolated along l
 import numpy as np
 from numba import njit
 
+from silmesh.geometry.frame import find_box
+
 ROWS = 64  # of the new image at a time, which bounds the memory
-SHARPNESS = -0.75  # the slope of the bicubic kernel one pixel away (Keys 1981), as in torch
+SHARPNESS = np.float32(-0.75)  # slope of the bicubic kernel a pixel away (Keys 1981), as in torch
 
 
 def resample(
-    image: np.ndarray, sources: np.ndarray, shape: tuple[int, int], cubic: bool = False
+    image: np.ndarray,
+    sources: np.ndarray,
+    shape: tuple[int, int],
+    cubic: bool = False,
+    part: tuple[int, int, int, int] | None = None,
 ) -> np.ndarray:
     """An image at other places; zero beyond it.
 
@@ -22,17 +28,22 @@ def resample(
             if ``shape`` is [rows, columns], and else of some; NaN for nowhere, if of every one
         shape: height and width of the new image
         cubic: whether the old pixels are joined by cubic curves and not by lines
+        part: left, top, right and bottom of what is asked of the new image, which is zero beyond;
+            all if not given
     Returns:
         [*shape] or [*shape, channels] of the same type; bool where at least half is
     """
+    places = np.ascontiguousarray(sources, np.float64)
+    if image.dtype == bool:
+        image, places = _crop(image, places)
     planes = image.view(np.uint8) if image.dtype == bool else image
     planes = planes.reshape(*image.shape[:2], -1)
-    found = np.empty((*shape, planes.shape[2]), image.dtype)
-    places = np.ascontiguousarray(sources, np.float64)
-    for top in range(0, shape[0], ROWS):
-        into = found[top : top + ROWS]
+    found = np.zeros((*shape, planes.shape[2]), image.dtype)
+    left, top, right, bottom = part or (0, 0, shape[1], shape[0])
+    for start in range(top, bottom, ROWS):
+        into = found[start : min(start + ROWS, bottom), left:right]
         values = np.empty(into.shape, np.float32)
-        _resample(planes, places, top, shape[0], cubic, values)
+        _resample(planes, places, (start, left), shape, cubic, values)
         if image.dtype == bool:
             into[:] = values >= 0.5
         elif image.dtype == np.uint8:
@@ -42,100 +53,124 @@ def resample(
     return found.reshape(*shape, *image.shape[2:])
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
-def _resample(image, sources, top, tall, cubic, out):
-    """The rows from ``top`` on of a new image that is ``tall``."""
-    width = out.shape[1]
-    rows, columns = sources.shape[:2]
-    down = (rows - 1) / max(tall - 1, 1)
-    across = (columns - 1) / max(width - 1, 1)
-    places = np.empty((columns, 2))
+def _crop(image: np.ndarray, sources: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The part of a mask that is not empty, and the places in it: beyond it a mask is zero too."""
+    left, top, right, bottom = find_box(image)
+    return image[top:bottom, left:right], sources - [left, top]
+
+
+@njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract"})
+def _resample(image, sources, corner, shape, cubic, out):
+    """What lies from a corner, row and column, on in a new image of a shape."""
+    down = (sources.shape[0] - 1) / max(shape[0] - 1, 1)
+    across = (sources.shape[1] - 1) / max(shape[1] - 1, 1)
+    places = np.empty((out.shape[1], 2))
     for i in range(len(out)):
-        y = min((top + i) * down, rows - 1.0)
-        row = int(y)
-        b = y - row
-        places[:] = sources[row]
-        if b > 0:  # what has no share is not looked at, and may be NaN
-            for column in range(columns):
-                for k in range(2):
-                    places[column, k] += b * (sources[row + 1, column, k] - places[column, k])
-        for j in range(width):
-            x = min(j * across, columns - 1.0)
-            column = int(x)
-            a = x - column
-            u, v = places[column]
-            if a > 0:
-                u += a * (places[column + 1, 0] - u)
-                v += a * (places[column + 1, 1] - v)
-            if cubic:
-                _look_cubic(image, u - 0.5, v - 0.5, out[i, j])
-            else:
-                _look(image, u - 0.5, v - 0.5, out[i, j])
+        _follow(sources, (corner[0] + i) * down, corner[1], across, places)
+        if cubic:
+            _look_cubic(image, places, out[i])
+        else:
+            _look(image, places, out[i])
 
 
-@njit(nogil=True, cache=True, error_model="numpy", inline="always")
-def _look(image, x, y, out):
-    """Bilinear; NaN lies nowhere."""
+@njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract"})
+def _follow(sources, y, first, across, out):
+    """Where the pixels of a row lie in the old image, counted from the middle of its first."""
+    rows, columns = sources.shape[:2]
+    y = min(y, rows - 1.0)
+    row = int(y)
+    b = y - row
+    line = sources[row].copy()
+    if b > 0:  # what has no share is not looked at, and may be NaN
+        for column in range(columns):
+            for k in range(2):
+                line[column, k] += b * (sources[row + 1, column, k] - line[column, k])
+    for j in range(len(out)):
+        x = min((first + j) * across, columns - 1.0)
+        column = int(x)
+        a = x - column
+        u, v = line[column]
+        if a > 0:
+            u += a * (line[column + 1, 0] - u)
+            v += a * (line[column + 1, 1] - v)
+        out[j, 0], out[j, 1] = u - 0.5, v - 0.5
+
+
+@njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract"})
+def _look(image, places, out):
+    """A row, bilinear; NaN lies nowhere."""
     height, width, channels = image.shape
-    if not (-1 < x < width and -1 < y < height):
-        out[:] = 0
-        return
-    left, top = int(x + 1) - 1, int(y + 1) - 1
-    a, b = x - left, y - top
-    if 0 <= left < width - 1 and 0 <= top < height - 1:
-        for k in range(channels):
-            upper = (1 - a) * image[top, left, k] + a * image[top, left + 1, k]
-            lower = (1 - a) * image[top + 1, left, k] + a * image[top + 1, left + 1, k]
-            out[k] = (1 - b) * upper + b * lower
-        return
-    out[:] = 0
-    for row in range(max(top, 0), min(top + 2, height)):
-        down = b if row > top else 1 - b
-        for column in range(max(left, 0), min(left + 2, width)):
-            share = down * (a if column > left else 1 - a)
+    for j in range(len(out)):
+        x, y = places[j]
+        if not (-1 < x < width and -1 < y < height):
             for k in range(channels):
-                out[k] += share * image[row, column, k]
-
-
-@njit(nogil=True, cache=True, error_model="numpy", inline="always")
-def _look_cubic(image, x, y, out):
-    """Bicubic; NaN lies nowhere."""
-    height, width, channels = image.shape
-    out[:] = 0
-    if not (-2 < x < width + 1 and -2 < y < height + 1):
-        return
-    left, top = int(x + 2) - 2, int(y + 2) - 2
-    a, b = x - left, y - top
-    across = _far(1 + a), _near(a), _near(1 - a), _far(2 - a)
-    down = _far(1 + b), _near(b), _near(1 - b), _far(2 - b)
-    if 1 <= left < width - 2 and 1 <= top < height - 2:
+                out[j, k] = 0
+            continue
+        left, top = int(x + 1) - 1, int(y + 1) - 1
+        a, b = np.float32(x - left), np.float32(y - top)
+        if 0 <= left < width - 1 and 0 <= top < height - 1:
+            for k in range(channels):
+                upper = np.float32(image[top, left, k])
+                lower = np.float32(image[top + 1, left, k])
+                upper += a * (np.float32(image[top, left + 1, k]) - upper)
+                lower += a * (np.float32(image[top + 1, left + 1, k]) - lower)
+                out[j, k] = upper + b * (lower - upper)
+            continue
         for k in range(channels):
-            value = 0.0
-            for i in range(4):
-                row = top - 1 + i
-                value += down[i] * (
-                    across[0] * image[row, left - 1, k]
-                    + across[1] * image[row, left, k]
-                    + across[2] * image[row, left + 1, k]
-                    + across[3] * image[row, left + 2, k]
-                )
-            out[k] = value
-        return
-    for i in range(4):
-        for j in range(4):
-            row, column = top - 1 + i, left - 1 + j
-            if 0 <= row < height and 0 <= column < width:
+            out[j, k] = 0
+        for row in range(max(top, 0), min(top + 2, height)):
+            down = b if row > top else 1 - b
+            for column in range(max(left, 0), min(left + 2, width)):
+                share = down * (a if column > left else 1 - a)
                 for k in range(channels):
-                    out[k] += down[i] * across[j] * image[row, column, k]
+                    out[j, k] += share * image[row, column, k]
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract"})
+def _look_cubic(image, places, out):
+    """A row, bicubic; NaN lies nowhere."""
+    height, width, channels = image.shape
+    for j in range(len(out)):
+        x, y = places[j]
+        for k in range(channels):
+            out[j, k] = 0
+        if not (-2 < x < width + 1 and -2 < y < height + 1):
+            continue
+        left, top = int(x + 2) - 2, int(y + 2) - 2
+        across, down = _weigh(np.float32(x - left)), _weigh(np.float32(y - top))
+        if 1 <= left < width - 2 and 1 <= top < height - 2:
+            for i in range(4):
+                row, share = image[top - 1 + i], down[i]
+                for k in range(channels):
+                    out[j, k] += share * (
+                        across[0] * np.float32(row[left - 1, k])
+                        + across[1] * np.float32(row[left, k])
+                        + across[2] * np.float32(row[left + 1, k])
+                        + across[3] * np.float32(row[left + 2, k])
+                    )
+            continue
+        for i in range(4):
+            for n in range(4):
+                row, column = top - 1 + i, left - 1 + n
+                if 0 <= row < height and 0 <= column < width:
+                    for k in range(channels):
+                        out[j, k] += down[i] * across[n] * image[row, column, k]
+
+
+@njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract"})
+def _weigh(d):
+    """The bicubic weights of the four pixels about a place, float32, d beyond the second."""
+    one = np.float32(1)
+    return _far(one + d), _near(d), _near(one - d), _far(np.float32(2) - d)
+
+
+@njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract"})
 def _near(d):
     """The bicubic kernel up to a pixel away."""
-    return ((SHARPNESS + 2) * d - (SHARPNESS + 3)) * d * d + 1
+    return ((SHARPNESS + np.float32(2)) * d - (SHARPNESS + np.float32(3))) * d * d + np.float32(1)
 
 
-@njit(nogil=True, cache=True, error_model="numpy")
+@njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract"})
 def _far(d):
     """The same between one and two pixels away."""
-    return (((d - 5) * d + 8) * d - 4) * SHARPNESS
+    return (((d - np.float32(5)) * d + np.float32(8)) * d - np.float32(4)) * SHARPNESS

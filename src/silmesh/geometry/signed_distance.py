@@ -5,6 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numba import njit
 
+from silmesh.geometry.frame import find_box
+
 # Pixels by which every outline is moved outwards. An outline is known to half a pixel only, and a
 # visual hull takes the smallest of all views; without this margin small images lose thin parts.
 GRACE = 0.15
@@ -20,14 +22,11 @@ def signed_distance(silhouette: np.ndarray, far: float, grace: float = GRACE) ->
     Returns:
         [height, width] float32
     """
-    rows, columns = (np.flatnonzero(silhouette.any(axis=axis)) for axis in (1, 0))
+    left, top, right, bottom = find_box(silhouette)
     signed = np.full(silhouette.shape, -far, np.float32)
-    if len(rows):  # further away than this from its box all is cut off
+    if right > left:  # further away than this from its box all is cut off
         most = int(np.ceil(far)) + 2
-        part = np.s_[
-            max(0, rows[0] - most) : rows[-1] + most + 1,
-            max(0, columns[0] - most) : columns[-1] + most + 1,
-        ]
+        part = np.s_[max(0, top - most) : bottom + most, max(0, left - most) : right + most]
         _measure(signed[part], silhouette[part], most, far, grace)
     return signed
 

@@ -23,7 +23,7 @@ from PIL import Image
 from silmesh.ahead import ahead
 from silmesh.errors import InputError
 from silmesh.geometry.camera import Cameras
-from silmesh.geometry.frame import count_on_frame, whole_frames
+from silmesh.geometry.frame import count_on_frame, find_box, whole_frames
 from silmesh.geometry.lens import Lens
 from silmesh.geometry.small_images import LARGEST
 from silmesh.views import choose_compression
@@ -168,9 +168,8 @@ def undistort(
 
 def _box_points(silhouette: np.ndarray) -> np.ndarray:
     """Pixels [n, 2] all around a silhouette: the border of its box, and its corners."""
-    rows, columns = (np.flatnonzero(silhouette.any(axis=axis)) for axis in (1, 0))
-    x = np.linspace(columns[0], columns[-1] + 1, 17)
-    y = np.linspace(rows[0], rows[-1] + 1, 17)
+    left, top, right, bottom = find_box(silhouette)
+    x, y = np.linspace(left, right, 17), np.linspace(top, bottom, 17)
     sides = [np.stack(np.meshgrid(x, y[[0, -1]]), -1), np.stack(np.meshgrid(x[[0, -1]], y), -1)]
     return np.concatenate([side.reshape(-1, 2) for side in sides])
 

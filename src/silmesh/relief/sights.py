@@ -13,6 +13,7 @@ from PIL import Image
 
 from silmesh.ahead import ahead
 from silmesh.geometry.camera import Cameras
+from silmesh.geometry.frame import find_box
 from silmesh.geometry.originals import Originals
 
 MARGIN = 4  # pixels of the working image about a silhouette
@@ -102,11 +103,10 @@ def look(
 def _box(silhouette: np.ndarray, originals: Originals, cameras: Cameras, i: int):
     """Left, top, right and bottom of a silhouette in pixels of its photograph, whole numbers."""
     width, height = originals.cameras.sizes[i].tolist()
-    rows, columns = (np.flatnonzero(silhouette.any(axis=axis)) for axis in (1, 0))
-    if not len(rows):
+    left, top, right, bottom = find_box(silhouette)
+    if right == left:
         return 0, 0, min(width, 2), min(height, 2)
-    corners = np.array([[columns[0], rows[0], 1], [columns[-1] + 1, rows[-1] + 1, 1.0]])
-    corners[:, :2] += [[-MARGIN, -MARGIN], [MARGIN, MARGIN]]
+    corners = np.array([[left - MARGIN, top - MARGIN, 1.0], [right + MARGIN, bottom + MARGIN, 1.0]])
     to_photograph = originals.cameras.K[i].numpy() @ np.linalg.inv(cameras.K[i].numpy())
     (left, top), (right, bottom) = (corners @ to_photograph.T)[:, :2]
     left, top = max(0, int(left)), max(0, int(top))

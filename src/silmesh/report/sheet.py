@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from PIL import Image, ImageDraw
 
+from silmesh.geometry.frame import find_box
 from silmesh.report.gallery import Shot
 from silmesh.report.pictures import (
     FINE,
@@ -49,10 +50,11 @@ def _part_shown(cells: Sequence[Shot]) -> tuple[float, float, float]:
     size = max(shown.shape)
     if not shown.any():
         return 0, 0, size
-    ends = [np.flatnonzero(shown.any(axis=axis))[[0, -1]] + (0, 1) for axis in (1, 0)]
-    side = min(size, AROUND * max(end - start for start, end in ends))
-    top, left = (np.clip((start + end - side) / 2, 0, size - side) for start, end in ends)
-    return float(left), float(top), float(side)
+    left, top, right, bottom = find_box(shown)
+    side = min(size, AROUND * max(right - left, bottom - top))
+    ends = ((left, right), (top, bottom))
+    x, y = (np.clip((start + end - side) / 2, 0, size - side) for start, end in ends)
+    return float(x), float(y), float(side)
 
 
 def _draw_cell(

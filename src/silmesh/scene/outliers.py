@@ -13,13 +13,14 @@ and it gives no shares, which the table has of every view and of views that were
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from scipy import ndimage
 
 from silmesh.geometry.camera import Cameras
-from silmesh.geometry.frame import count_on_frame, known_pixels, whole_frames
-from silmesh.scene.votes import ROUND, count_denials
+from silmesh.geometry.frame import count_on_frame, find_box, known_pixels, whole_frames
+from silmesh.scene.votes import count_denials
 
 FINE = 64  # rays along an image's side that the shares are measured by
 # In each round, one of so many trusted views may be wrong at a point. The first rounds tolerate
@@ -170,11 +171,10 @@ def disagreement(
     most = len(trusted) // tolerance
     everyone = range(len(silhouettes))
     denials = count_denials(silhouettes, cameras, everyone, trusted, most + 1, stride, frames)
-    near = ndimage.binary_dilation(silhouettes, ROUND[None], iterations=SLACK)
+    shown, near = silhouettes[:, ::stride, ::stride], _see_near(silhouettes, stride)
     known = known_pixels(silhouettes, frames)
     if known is not None:  # what the others see beyond a photograph's frame is not lacking there
-        near = near | ~known
-    shown, near = (part[:, ::stride, ::stride] for part in (silhouettes, near))
+        near = near | ~known[:, ::stride, ::stride]
     area = np.maximum(shown.sum(axis=(1, 2)), 1)
     usual = np.maximum(area, np.median(area[trusted]))
     unexplained = (shown & (denials > most)).sum(axis=(1, 2)) / area
@@ -183,6 +183,19 @@ def disagreement(
         missing = np.zeros_like(missing)
     empty = ~silhouettes.any(axis=(1, 2))
     return np.where(empty, 0, unexplained), np.where(empty, 0, missing)
+
+
+def _see_near(silhouettes: np.ndarray, stride: int) -> np.ndarray:
+    """Which of every ``stride``-th pixels lie within ``SLACK`` steps of their silhouettes."""
+    rows, columns = (np.arange(0, side, stride) for side in silhouettes.shape[1:])
+    bottom, right = (side - 1 for side in silhouettes.shape[1:])
+    near = np.zeros((len(silhouettes), len(rows), len(columns)), bool)
+    steps = range(-SLACK, SLACK + 1)
+    for down, across in product(steps, steps):
+        if abs(down) + abs(across) <= SLACK:  # what lies beyond the border is moved back, so nearer
+            row, column = (rows + down).clip(0, bottom), (columns + across).clip(0, right)
+            near |= silhouettes[:, row[:, None], column]
+    return near
 
 
 def describe(silhouette: np.ndarray, frame: np.ndarray) -> dict[str, float]:
@@ -195,13 +208,15 @@ def describe(silhouette: np.ndarray, frame: np.ndarray) -> dict[str, float]:
         empty; ``on_frame``: pixels on the photograph's edge; ``pieces``, ``holes``: their numbers
     """
     height, width = silhouette.shape
-    rows, columns = np.nonzero(silhouette)
-    _, pieces = ndimage.label(silhouette, np.ones((3, 3)))
-    _, grounds = ndimage.label(np.pad(~silhouette, 1, constant_values=True))
+    left, top, right, bottom = find_box(silhouette)
+    inside = silhouette[top:bottom, left:right]
+    rows, columns = np.nonzero(inside)
+    _, pieces = ndimage.label(inside, np.ones((3, 3)))
+    _, grounds = ndimage.label(np.pad(~inside, 1, constant_values=True))
     return {
         "area": len(rows) / (height * width),
-        "centroid_u": float(columns.mean() + 0.5) if len(rows) else np.nan,
-        "centroid_v": float(rows.mean() + 0.5) if len(rows) else np.nan,
+        "centroid_u": float(columns.mean() + left + 0.5) if len(rows) else np.nan,
+        "centroid_v": float(rows.mean() + top + 0.5) if len(rows) else np.nan,
         "on_frame": count_on_frame(silhouette, frame),
         "pieces": pieces,
         "holes": grounds - 1,

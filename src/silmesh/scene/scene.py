@@ -28,7 +28,7 @@ from silmesh.geometry.camera import (
     read_cameras,
     write_cameras,
 )
-from silmesh.geometry.frame import find_shown, find_whole, is_cut
+from silmesh.geometry.frame import find_box, find_shown, find_whole, is_cut
 from silmesh.geometry.small_images import LARGEST
 from silmesh.geometry.undistortion import Undistorted
 from silmesh.geometry.whereabouts import find_body
@@ -174,11 +174,8 @@ def find_object(cameras: Cameras, silhouettes: np.ndarray) -> tuple[Tensor, Tens
 
 def find_middles(silhouettes: np.ndarray) -> Tensor:
     """The middles of the silhouettes' bounding boxes, in pixels: [views, 2] float64."""
-    middles = []
-    for silhouette in silhouettes:
-        rows, columns = (np.flatnonzero(silhouette.any(axis=axis)) for axis in (1, 0))
-        middles.append([columns[0] + columns[-1] + 1, rows[0] + rows[-1] + 1])
-    return torch.tensor(middles, dtype=torch.float64) / 2
+    boxes = torch.tensor([find_box(s) for s in silhouettes], dtype=torch.float64)
+    return (boxes[:, :2] + boxes[:, 2:]) / 2
 
 
 def _say_behind(cameras: Cameras, depth: Tensor) -> str:

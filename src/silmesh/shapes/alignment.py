@@ -8,6 +8,7 @@ from scipy.ndimage import gaussian_filter
 from skimage.measure import perimeter_crofton
 from skimage.morphology import convex_hull_image
 
+from silmesh.geometry.frame import find_box
 from silmesh.geometry.small_images import shrink_silhouettes
 
 COUNTS = (642, 1352, 1922)  # what the report calls 600, 1,300 and 1,900 polygons
@@ -100,7 +101,5 @@ def align_to_box(verts: np.ndarray, silhouette: np.ndarray) -> np.ndarray:
 
 def _bounding_box(silhouette: np.ndarray) -> np.ndarray:
     """Left, top, width and height, the latter two as last index minus first."""
-    rows, columns = (np.flatnonzero(silhouette.any(axis=axis)) for axis in (1, 0))
-    return np.array(
-        [columns[0], rows[0], columns[-1] - columns[0], rows[-1] - rows[0]], dtype=np.float64
-    )
+    left, top, right, bottom = find_box(silhouette)
+    return np.array([left, top, right - 1 - left, bottom - 1 - top], dtype=np.float64)

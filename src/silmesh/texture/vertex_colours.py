@@ -14,9 +14,11 @@ What no view sees gets the mean of its neighbours on the mesh.
 from collections.abc import Sequence
 
 import numpy as np
+import torch
 import trimesh
 from scipy.ndimage import map_coordinates
 
+from silmesh.ahead import ahead
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.depth_within import depth_within
 from silmesh.geometry.edges import link_ends, number_edges
@@ -50,14 +52,15 @@ def colour_vertices(
     mesh = trimesh.Trimesh(verts, faces, process=False)
     weights = np.zeros((len(cameras), len(verts)))
     colours = np.zeros((len(cameras), len(verts), 3))
-    for i in range(len(cameras)):
-        squareness = _see(mesh, cameras.centres[i].numpy())
-        pixels = _project(cameras.projections[i].numpy(), verts)
-        depth = _sample(_measure_depths(silhouettes[i]), pixels)
-        weights[i] = squareness**SQUARE * _feather(depth)
-        photograph = photographs[i]
+
+    def look(i: int) -> np.ndarray:
+        pixels, photograph = _project(cameras.projections[i].numpy(), verts), photographs[i]
         for channel in range(3):
             colours[i, :, channel] = _sample(photograph[..., channel], pixels)
+        return _feather(_sample(_measure_depths(silhouettes[i]), pixels))
+
+    for i, feather in enumerate(ahead(look, range(len(cameras)), torch.get_num_threads())):
+        weights[i] = _see(mesh, cameras.centres[i].numpy()) ** SQUARE * feather
     blended = _blend(colours, weights)
     filled = _fill(blended, weights.sum(axis=0) > 0, faces)
     return filled.round().clip(0, 255).astype(np.uint8)

@@ -9,6 +9,7 @@ from scipy import ndimage
 from torch import Tensor
 
 from silmesh.errors import InputError
+from silmesh.geometry.frame import find_box
 from silmesh.views import read_image
 
 RIM = 1  # pixels inside the mask's edge whose colour may be mixed with the old background's
@@ -72,8 +73,8 @@ def _spread_colours(pixels: np.ndarray, inside: np.ndarray) -> np.ndarray:
 
 
 def _bounding_box(inside: np.ndarray, margin: int = 2) -> tuple[slice, slice]:
-    rows, columns = (np.flatnonzero(inside.any(axis=axis)) for axis in (1, 0))
+    left, top, right, bottom = find_box(inside)
     return (
-        slice(max(rows[0] - margin, 0), rows[-1] + margin + 1),
-        slice(max(columns[0] - margin, 0), columns[-1] + margin + 1),
+        slice(max(top - margin, 0), bottom + margin),
+        slice(max(left - margin, 0), right + margin),
     )
