@@ -20,6 +20,7 @@ from numba import njit
 from scipy import ndimage
 from torch import Tensor
 
+from silmesh.ahead import ahead
 from silmesh.fitting.losses import complement
 from silmesh.geometry.camera import Cameras, places
 from silmesh.geometry.edges import number_edges
@@ -74,6 +75,16 @@ class BandLevel:
             into[1] = every if known is None else _sum_cells(known, self)
         return cells
 
+    @cached_property
+    def outlines(self) -> np.ndarray:
+        """The cells beside which a silhouette shows both: [views, rows, columns] bool."""
+        return np.stack([_find_outline_cells(cells) for cells in self.cells])
+
+    @cached_property
+    def sums(self) -> np.ndarray:
+        """The cells summed over the tiles: [views, 2, rows, columns]."""
+        return np.stack([_sum_tiles(cells) for cells in self.cells])
+
 
 class Hinges(NamedTuple):
     """The edges of a closed mesh with the two faces about each.
@@ -109,11 +120,11 @@ class Band:
         self._points = points
         faces, mesh = hinges.faces, (hinges.faces.cpu().numpy(), hinges.ends, hinges.sides)
         pixels, wanted = points.cpu().numpy(), []
-        for view, cells in enumerate(level.cells):
-            found = _find_outline_cells(cells)
+        for view, outline in enumerate(level.outlines):
+            found = outline.copy()
             _mark_contour(found, pixels[view], *mesh)
             wanted.append(_pool(found))
-        sums = np.stack([_sum_tiles(cells) for cells in level.cells])
+        sums = level.sums
         self.tiles, on = find_tiles(np.stack(wanted), level.size), points.device
         self._shown, self._counted = (part.to(on) for part in _cut_out(level, self.tiles))
         self._total = torch.tensor(sums[:, 0].sum(axis=(1, 2)), dtype=torch.float32).to(on)
@@ -269,25 +280,31 @@ def _cut_out(level: BandLevel, tiles: Tiles) -> tuple[Tensor, Tensor]:
 
     Shares of whole pixels, which this type holds exactly.
     """
-    shown, counted = (np.zeros((tiles.count, TILE, TILE), np.float32) for _ in range(2))
-    for view, number in enumerate(tiles.number):
+    shown, counted = (np.zeros((tiles.count, TILE, TILE), np.uint16) for _ in range(2))
+
+    def count(view: int) -> None:
         seen = level.silhouettes[view]
-        known = np.ones_like(seen) if level.known is None else level.known[view]
-        _average(seen, known, number, level.factor, shown, counted)
-    return torch.from_numpy(shown).half(), torch.from_numpy(counted).half()
+        known = seen if level.known is None else level.known[view]
+        every = level.known is None
+        _count_pixels(seen, known, every, tiles.number[view], level.factor, shown, counted)
+
+    for _ in ahead(count, range(len(tiles.number)), torch.get_num_threads()):
+        pass
+    return tuple(torch.from_numpy(part).half() / level.factor**2 for part in (shown, counted))
 
 
 @njit(nogil=True, cache=True)
-def _average(seen, known, number, factor, shown, counted):
-    """Fill the wanted tiles of a view with the shares of each pixel's that are shown and known.
+def _count_pixels(seen, known, every, number, factor, shown, counted):
+    """Count in the wanted tiles of a view which of each pixel's pixels are shown and known.
 
     Args:
         seen, known: [height, width] bool of the working image, ``factor`` pixels to each of these
+        every: whether all are known, whatever ``known`` says
         number: [rows, columns] of the tiles
         shown, counted: [tiles, TILE, TILE], added to
     """
     height, width = seen.shape
-    side, share = TILE * factor, np.float32(1 / factor**2)
+    side = TILE * factor
     for row in range(number.shape[0]):
         for column in range(number.shape[1]):
             tile = number[row, column]
@@ -295,12 +312,12 @@ def _average(seen, known, number, factor, shown, counted):
                 continue
             for y in range(row * side, min((row + 1) * side, height)):
                 i = y // factor - row * TILE
-                for x in range(column * side, min((column + 1) * side, width)):
-                    if known[y, x]:
-                        j = x // factor - column * TILE
-                        counted[tile, i, j] += share
-                        if seen[y, x]:
-                            shown[tile, i, j] += share
+                for j in range(TILE):
+                    left = column * side + j * factor
+                    for x in range(left, min(left + factor, width)):
+                        there = every or known[y, x]
+                        counted[tile, i, j] += there
+                        shown[tile, i, j] += there and seen[y, x]
 
 
 def choose_factors(size: int, base: int) -> list[int]:

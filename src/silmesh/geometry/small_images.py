@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 import torch
 
+from silmesh.ahead import ahead
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.frame import open_frames
 
@@ -36,7 +37,9 @@ def shrink_silhouettes(silhouettes: np.ndarray, size: int) -> np.ndarray:
     shape = shrink_shape(silhouettes.shape[1:], size)
     if shape == silhouettes.shape[1:]:
         return silhouettes
-    return np.stack([_shrink_image(silhouette, shape) for silhouette in silhouettes])
+    return np.stack(
+        list(ahead(lambda s: _shrink_image(s, shape), silhouettes, torch.get_num_threads()))
+    )
 
 
 def _shrink_image(silhouette: np.ndarray, shape: tuple[int, int]) -> np.ndarray:

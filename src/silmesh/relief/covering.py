@@ -39,14 +39,14 @@ def cover(
         cameras: of these views
     """
     missing = np.zeros(grid.shape, bool)
-    for i in range(len(cameras)):
-        rows, columns = np.nonzero(silhouettes[i])
-        pixels = np.stack([columns + 0.5, rows + 0.5, np.ones(len(rows))], axis=1)
-        R, K = cameras.R[i].numpy(), cameras.K[i].numpy()
-        ways = pixels @ np.linalg.inv(K).T @ R / grid.spacing
+
+    def follow(i: int) -> None:
+        to_grid = np.linalg.inv(cameras.K[i].numpy()).T @ cameras.R[i].numpy() / grid.spacing
         eye = (cameras.centres[i].numpy() - grid.origin) / grid.spacing
-        ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-        _follow(field, bound, missing, eye, ways)
+        _follow(field, bound, missing, silhouettes[i], eye, to_grid)
+
+    with ThreadPoolExecutor(torch.get_num_threads()) as pool:
+        list(pool.map(follow, range(len(cameras))))
     return missing
 
 
@@ -97,32 +97,37 @@ def _strike(votes, depth, missing, eye, to_grid):
 
 
 @njit(**OPTIONS)
-def _follow(field, bound, missing, eye, ways):
-    """Mark the best sample of each ray [rays, 3] from the eye that meets nothing inside."""
+def _follow(field, bound, missing, silhouette, eye, to_grid):
+    """Mark the best sample of each ray that meets nothing inside; ``to_grid`` as ``_strike``'s."""
     shape = field.shape
-    for ray in range(len(ways)):
-        first, last = 0.0, np.inf
-        for axis in range(3):
-            way = ways[ray, axis]
-            if abs(way) < 1e-9:
+    height, width = silhouette.shape
+    for r in range(height):
+        for c in range(width):
+            if not silhouette[r, c]:
                 continue
-            a = (0 - eye[axis]) / way
-            b = (shape[axis] - 1.001 - eye[axis]) / way
-            first, last = max(first, min(a, b)), min(last, max(a, b))
-        best, known = -2.0, False
-        i = j = k = 0
-        at = first
-        while at < last:
-            x = int(eye[0] + at * ways[ray, 0] + 0.5)
-            y = int(eye[1] + at * ways[ray, 1] + 0.5)
-            z = int(eye[2] + at * ways[ray, 2] + 0.5)
-            if bound[x, y, z] > 0:
-                known = True
-                if field[x, y, z] > best:
-                    best = field[x, y, z]
-                    i, j, k = x, y, z
-                    if best > 0:
-                        break
-            at += STEP
-        if known and best <= 0:
-            missing[i, j, k] = True
+            way = (c + 0.5) * to_grid[0] + (r + 0.5) * to_grid[1] + to_grid[2]
+            way /= np.sqrt((way * way).sum())
+            first, last = 0.0, np.inf
+            for axis in range(3):
+                if abs(way[axis]) < 1e-9:
+                    continue
+                a = (0 - eye[axis]) / way[axis]
+                b = (shape[axis] - 1.001 - eye[axis]) / way[axis]
+                first, last = max(first, min(a, b)), min(last, max(a, b))
+            best, known = -2.0, False
+            i = j = k = 0
+            at = first
+            while at < last:
+                x = int(eye[0] + at * way[0] + 0.5)
+                y = int(eye[1] + at * way[1] + 0.5)
+                z = int(eye[2] + at * way[2] + 0.5)
+                if bound[x, y, z] > 0:
+                    known = True
+                    if field[x, y, z] > best:
+                        best = field[x, y, z]
+                        i, j, k = x, y, z
+                        if best > 0:
+                            break
+                at += STEP
+            if known and best <= 0:
+                missing[i, j, k] = True

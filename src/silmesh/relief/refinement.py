@@ -59,11 +59,13 @@ class Found:
         views: their positions
         scale: of the images it was found in, pixels a pixel of the photographs
         planes: of these images
+        bound: signed distance to the mesh, as ``measure`` gives it
     """
 
     views: Sequence[int]
     scale: float
     planes: Depths
+    bound: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -128,8 +130,7 @@ def refine(
     notes = {"changed": not solved.reason, "views": len(views), **solved.notes, **shares}
     notes["seconds"] = round(time.monotonic() - started, 2)
     progress(1.0)
-    found = Found(views, sights.scale, search.planes) if search.planes else None
-    return Relief(verts, faces, standing, not solved.reason, notes, found)
+    return Relief(verts, faces, standing, not solved.reason, notes, search.keep(views))
 
 
 def _finish(
@@ -180,7 +181,6 @@ class _Search:
 
     Attributes:
         grid: of the surface
-        planes: that the views hold at last; None if it came to none
     """
 
     def __init__(
@@ -194,7 +194,8 @@ class _Search:
     ):
         self._mesh, self._sights, self._masks, self._cameras = mesh, sights, masks, cameras
         self._seed, self._progress = seed, progress
-        self.grid, self.planes = Grid.over(mesh, _choose_resolution(mesh)), None
+        self.grid = Grid.over(mesh, _choose_resolution(mesh))
+        self._planes = self._bound = None
         self._neighbours = find_neighbours(sights)
         self._rays = cast_rays(mesh, sights)
         self._covered = self._rays.front > 0
@@ -209,27 +210,33 @@ class _Search:
         self._progress(0.4)
         votes = confirm(half, coarse, find_texture(half), self._neighbours)
         grid = Grid.over(self._mesh, round(FIRST * _choose_resolution(self._mesh)))
-        first = self._solve(half, coarse, votes, grid)
-        if first.surface is not None and (reason := doubt(self._resample(grid), first.surface)):
+        bound = measure(self._mesh, grid)
+        first = self._solve(half, coarse, votes, bound, grid).surface
+        if first is not None and (reason := doubt(self._resample(bound, grid), first)):
             return self._stop(reason)
         self._progress(0.5)
-        self.planes = self._look_finely(coarse)
-        return self._finish()
+        return self._finish(self._look_finely(coarse), measure(self._mesh, self.grid))
 
     def go_on(self, views: Sequence[int], known: Found) -> Solved:
         """Look for planes in the views in which none are known, and improve those beside them."""
         new = [i for i, view in enumerate(views) if view not in known.views]
         coarse = self._look_coarsely(self._sights.halved(), new)
         self._progress(0.5)
-        self.planes = self._look_finely(coarse, new)
+        planes = self._look_finely(coarse, new)
         old = [views.index(view) for view in known.views]
         for at, view in enumerate(old):
-            self.planes.take(view, known.planes, at)
+            planes.take(view, known.planes, at)
         beside = [view for view in old if np.isin(self._neighbours[view], new).any()]
-        again = self._look_finely(self.planes, beside)
+        again = self._look_finely(planes, beside)
         for view in beside:
-            self.planes.take(view, again, view)
-        return self._finish()
+            planes.take(view, again, view)
+        return self._finish(planes, known.bound)
+
+    def keep(self, views: Sequence[int]) -> Found | None:
+        """What was found in these views; None if it came to no planes."""
+        if self._planes is None:
+            return None
+        return Found(views, self._sights.scale, self._planes, self._bound)
 
     def _look_coarsely(self, half: Sights, only: Sequence[int] | None = None) -> Depths:
         rays = cast_rays(self._mesh, half)
@@ -239,23 +246,24 @@ class _Search:
         near = self._neighbours
         return sweep(self._sights, self._rays, near, FINE, self._seed, start, only)
 
-    def _finish(self) -> Solved:
-        votes = confirm(self._sights, self.planes, self._textured, self._neighbours)
+    def _finish(self, planes: Depths, bound: np.ndarray) -> Solved:
+        self._planes, self._bound = planes, bound
+        votes = confirm(self._sights, planes, self._textured, self._neighbours)
         self._progress(0.8)
-        solved = self._solve(self._sights, self.planes, votes, self.grid)
+        solved = self._solve(self._sights, planes, votes, bound, self.grid)
         if reason := _refuse(*self._share(votes)):
             return self._stop(reason, votes)
         if solved.surface is None:
             return self._stop("the object is thinner than the grid", votes)
         return replace(solved, notes={**self._describe(votes), **solved.notes})
 
-    def _solve(self, sights: Sights, planes: Depths, votes: np.ndarray, grid: Grid) -> Solved:
-        bound = measure(self._mesh, grid)
+    def _solve(
+        self, sights: Sights, planes: Depths, votes: np.ndarray, bound: np.ndarray, grid: Grid
+    ) -> Solved:
         return solve(sights, planes, votes, bound, grid, self._masks, self._cameras)
 
-    def _resample(self, grid: Grid) -> trimesh.Trimesh:
+    def _resample(self, bound: np.ndarray, grid: Grid) -> trimesh.Trimesh:
         """The mesh as a grid has it: what ``_solve`` makes of it where no depths are found."""
-        bound = measure(self._mesh, grid)
         nothing = np.zeros_like(bound)
         field = settle(bound, nothing, nothing, grid.spacing)
         return extract(field, grid) if (field > 0).any() else self._mesh
