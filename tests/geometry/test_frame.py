@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from silmesh.geometry.frame import count_on_frame, is_cut, whole_frames
+from silmesh.geometry.frame import count_on_frame, find_box, is_cut, whole_frames
 
 
 @pytest.mark.parametrize(
@@ -25,3 +25,12 @@ def test_the_edge_is_the_photographs_where_it_does_not_fill_its_image():
 
 def test_a_corner_counts_once():
     assert count_on_frame(np.ones((4, 5), bool), (0, 0, 5, 4)) == 14
+
+
+def test_a_box_holds_a_silhouette_as_a_frame_does():
+    seen = np.zeros((8, 10), bool)
+    assert find_box(seen) == (0, 0, 0, 0)
+    seen[2, 7] = seen[5, 3] = True
+    left, top, right, bottom = find_box(seen)
+    assert (left, top, right, bottom) == (3, 2, 8, 6)
+    assert seen[top:bottom, left:right].sum() == 2

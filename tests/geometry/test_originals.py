@@ -7,6 +7,7 @@ import pytest
 import torch
 from PIL import Image
 from scenes import turntable
+from scipy.ndimage import binary_dilation
 
 from silmesh.geometry.lens import Lens
 from silmesh.geometry.originals import Originals
@@ -94,6 +95,20 @@ def test_a_large_photograph_is_straightened_as_if_each_pixel_asked_the_lens(tmp_
     expected = resample(shown, sources, (height, width), cubic=True).clip(0, 255)
     assert np.abs(sources - centres).max() > 20
     assert np.abs(originals.read(0) - expected).max() < 1.5
+
+
+def test_a_lens_is_taken_away_about_the_object_alone(tmp_path):
+    view, camera = photograph(tmp_path / "a.png", "pad", LENS)
+    Image.new("RGB", (WIDTH, HEIGHT), (90, 120, 150)).save(tmp_path / "a.png")
+    silhouette = np.zeros((1, SIZE, SIZE), bool)
+    silhouette[0, 24:36, 30:44] = True
+    lenses = {"a": Bent(LENS, camera.K[0].numpy(), camera.K[0].numpy()).describe()}
+    whole = Originals(camera, [view], lenses).read(0)
+    found = Originals(camera, [view], lenses, silhouettes=silhouette).read(0)
+    around = Originals(camera, [view]).enlarge(0, binary_dilation(silhouette[0], iterations=3))
+    assert (found[around] == whole[around]).all()
+    assert whole[90:110, 100:110].all()
+    assert not found[90:110, 100:110].any()
 
 
 @pytest.mark.parametrize("kept", [True, False])

@@ -70,3 +70,15 @@ def test_the_last_place_is_the_last_pixels(size):
     found = resample(image, places, (1, size))[0]
     assert found[0] == 1
     assert found[-1] == pytest.approx(9 if size > 1 else 1, abs=1e-5)
+
+
+@pytest.mark.parametrize("cubic", [False, True])
+def test_of_a_part_no_more_is_made(rng, cubic):
+    image = rng.integers(0, 256, (HEIGHT, WIDTH, 3), np.uint8)
+    sources = rng.uniform(0, [WIDTH, HEIGHT], (9, 7, 2))
+    whole = resample(image, sources, SHAPE, cubic)
+    found = resample(image, sources, SHAPE, cubic, part=(20, 5, 90, 140))
+    inside = np.zeros(SHAPE, bool)
+    inside[5:140, 20:90] = True
+    assert (found[inside] == whole[inside]).all()
+    assert not found[~inside].any()

@@ -8,6 +8,7 @@ from silmesh.evaluation.ground_truth import compare_to_truth
 from silmesh.evaluation.metrics import summarise_iou
 from silmesh.geometry.mesh_files import to_tensors
 from silmesh.geometry.silhouette_iou import silhouette_iou
+from silmesh.softras import soft_silhouettes
 
 SHARP = 1e-6  # sigma: SoftRas's 1e-4 widens an outline of 64 pixels by half a pixel
 
@@ -91,6 +92,20 @@ def test_a_mesh_behind_the_cameras_covers_nothing():
     seen = silhouettes(cameras, [0.3] * 3)
     iou = silhouette_iou(behind, torch.tensor([[0, 1, 2]]), cameras, seen, SHARP)
     assert iou.tolist() == [0, 0]
+
+
+@pytest.mark.parametrize("sigma", [SHARP, 1e-4])
+def test_a_part_of_the_image_counts_as_the_whole_does(sigma):
+    """The object in a corner, and silhouettes in the middle, against the rendering of all."""
+    cameras, mesh = dome(4, 96), sphere(0.2, (0.25, -0.15, 0.1))
+    verts, faces = to_tensors(mesh)
+    seen = silhouettes(cameras, [0.2, 0.3, 0.15])
+    with torch.no_grad():
+        whole = soft_silhouettes(cameras.project(verts), faces, (96, 96), sigma=sigma) > 0.5
+    both, either = (whole.numpy() & seen, whole.numpy() | seen)
+    found = silhouette_iou(verts, faces, cameras, seen, sigma)
+    assert 0 < found.min() < 0.5
+    assert found == pytest.approx(both.sum(axis=(1, 2)) / either.sum(axis=(1, 2)), abs=1e-3)
 
 
 def test_held_out_views_are_told_apart():

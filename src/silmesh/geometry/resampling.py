@@ -36,8 +36,7 @@ def resample(
     places = np.ascontiguousarray(sources, np.float64)
     if image.dtype == bool:
         image, places = _crop(image, places)
-    planes = image.view(np.uint8) if image.dtype == bool else image
-    planes = planes.reshape(*image.shape[:2], -1)
+    planes = np.atleast_3d(image.view(np.uint8) if image.dtype == bool else image)
     found = np.zeros((*shape, planes.shape[2]), image.dtype)
     left, top, right, bottom = part or (0, 0, shape[1], shape[0])
     for start in range(top, bottom, ROWS):

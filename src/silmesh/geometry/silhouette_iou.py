@@ -1,5 +1,6 @@
 """How well a mesh fits its silhouettes, and the silhouettes their cameras: IoU in the image."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -7,13 +8,14 @@ import torch
 from torch import Tensor
 
 from silmesh.geometry.camera import Cameras
-from silmesh.geometry.frame import known_pixels
+from silmesh.geometry.frame import find_box, known_pixels
 from silmesh.geometry.overlap import iou
 from silmesh.geometry.small_images import LARGEST, shrink, shrink_frames
 from silmesh.geometry.visual_hull import Hull
 from silmesh.softras.batches import render_views
 
 SHARP = 1e-6  # sigma of a rendering that is almost a mask
+SOFT = 4.0  # half images times the root of sigma: alpha is far below a half so far from a mesh
 SHARP_SIZE = 256  # pixels: in larger images it is as sharp in pixels as in these
 
 
@@ -62,10 +64,34 @@ def known_iou(
 
     The other arguments and the result are the same.
     """
-    alphas = render_views(cameras.project(verts), faces, silhouettes.shape[1:], sigma)
-    parts = [None] * len(silhouettes) if known is None else known
-    rows = zip(alphas, silhouettes, parts, strict=True)
+    points, size = cameras.project(verts).detach(), silhouettes.shape[1:]
+    left, top, right, bottom = _bound(points, silhouettes, SOFT * math.sqrt(sigma) * max(size) / 2)
+    sigma *= (max(size) / max(bottom - top, right - left)) ** 2  # in half images, which are smaller
+    corner = torch.tensor([left, top]).to(points)
+    alphas = render_views(points - corner, faces, (bottom - top, right - left), sigma)
+    within = np.s_[top:bottom, left:right]
+    parts = [None] * len(silhouettes) if known is None else [part[within] for part in known]
+    rows = zip(alphas, (silhouette[within] for silhouette in silhouettes), parts, strict=True)
     return np.array([iou((a > 0.5).numpy(), silhouette, part) for a, silhouette, part in rows])
+
+
+def _bound(points: Tensor, silhouettes: np.ndarray, margin: float) -> tuple[int, int, int, int]:
+    """Left, top, right and bottom of what any view shows, or sees of points, within the images.
+
+    The whole images if a point is not finite.
+
+    Args:
+        points: [views, verts, 2] pixels
+        margin: pixels about the points
+    """
+    size = np.array(silhouettes.shape[:0:-1])
+    if not points.isfinite().all():
+        return 0, 0, int(size[0]), int(size[1])
+    shown = np.array(find_box(silhouettes.any(axis=0))).reshape(2, 2)
+    seen = (points.amin((0, 1)) - margin).numpy(), (points.amax((0, 1)) + margin).numpy()
+    low = np.minimum(shown[0], np.floor(seen[0])).clip(0, size - 1)
+    high = np.maximum(shown[1], np.ceil(seen[1])).clip(low + 1, size)
+    return tuple(np.concatenate([low, high]).astype(int).tolist())
 
 
 def coherence(

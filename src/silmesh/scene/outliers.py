@@ -16,8 +16,10 @@ from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
+import torch
 from scipy import ndimage
 
+from silmesh.ahead import ahead
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.frame import count_on_frame, find_box, known_pixels, whole_frames
 from silmesh.scene.votes import count_denials
@@ -94,7 +96,8 @@ def find_outliers(
     if 2 * bad.sum() > shown.sum():
         refusal = "silhouettes and cameras contradict each other in most views"
         bad = np.zeros_like(bad)
-    rows = [describe(s, frame) for s, frame in zip(silhouettes, frames, strict=True)]
+    pairs = zip(silhouettes, frames, strict=True)
+    rows = list(ahead(lambda pair: describe(*pair), pairs, torch.get_num_threads()))
     jumps = area_jumps(np.array([row["area"] for row in rows]))
     for i, row in enumerate(rows):
         row |= {"area_jump": jumps[i], "unexplained": unexplained[i], "missing": missing[i]}
