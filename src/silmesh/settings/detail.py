@@ -23,7 +23,7 @@ GRAIN = 64  # pixels: a size that is lowered for it is a multiple
 # The estimate, fitted to the tables in docs/detail.md: GiB and seconds of a processor at least, a
 # million pixels of all views, and (seconds) a thousand vertices a view.
 MEMORY = (0.95, 0.0065)
-SECONDS = (26.0, 1.05, 0.073)
+SECONDS = (26.0, 0.3, 0.105)
 CORES = 1.5  # of which a run makes use on average, at most
 
 
