@@ -2,10 +2,7 @@
 
 A grid rounds what stands out, and depths near an outline are a little off. Vertices at which a view
 sees the surface end are moved along their normals by as much as its outline there has moved, in
-the mean over such views; their neighbours follow, so that the surface stays smooth. Only where the
-surface really ends does its outline say where it should be: what lies a pixel or some degrees
-beside would be moved as well, and the whole surface wrinkled, since in many views hardly a place is
-not near some outline.
+the mean over such views; their neighbours follow a little.
 """
 
 import numpy as np
@@ -19,10 +16,10 @@ from silmesh.shapes.downsample import render
 
 ROUNDS = 3
 FAR = 4.0  # pixels: most that an outline is taken to have moved
-AT_RIM = 0.75  # pixels from the outline
-GLANCING = 0.15  # cosine between normal and ray: the surface turns away
-HOLD = 1.0  # weight of a vertex that is on no rim among its neighbours, where it stays
-SPREAD = 20  # rounds in which neighbours follow
+AT_RIM = 1.5  # pixels from the outline
+GLANCING = 0.4  # cosine between normal and ray: the surface turns away
+HOLD = 0.3  # weight of a vertex that is on no rim among its neighbours, where it stays
+SPREAD = 4  # rounds in which neighbours follow
 
 
 def match_rims(
