@@ -192,7 +192,7 @@ class _Search:
         seed: int,
         progress: Share,
     ):
-        self._mesh, self._sights, self._masks, self._cameras = mesh, sights, masks, cameras
+        self._mesh, self._sights, self._outlines = mesh, sights, (masks, cameras)
         self._seed, self._progress = seed, progress
         self.grid = Grid.over(mesh, _choose_resolution(mesh))
         self._planes = self._bound = None
@@ -211,7 +211,7 @@ class _Search:
         votes = confirm(half, coarse, find_texture(half), self._neighbours)
         grid = Grid.over(self._mesh, round(FIRST * _choose_resolution(self._mesh)))
         bound = measure(self._mesh, grid)
-        first = self._solve(half, coarse, votes, bound, grid).surface
+        first = solve(half, coarse, votes, bound, grid, *self._outlines).surface
         if first is not None and (reason := doubt(self._resample(bound, grid), first)):
             return self._stop(reason)
         self._progress(0.5)
@@ -250,20 +250,15 @@ class _Search:
         self._planes, self._bound = planes, bound
         votes = confirm(self._sights, planes, self._textured, self._neighbours)
         self._progress(0.8)
-        solved = self._solve(self._sights, planes, votes, bound, self.grid)
+        solved = solve(self._sights, planes, votes, bound, self.grid, *self._outlines)
         if reason := _refuse(*self._share(votes)):
             return self._stop(reason, votes)
         if solved.surface is None:
             return self._stop("the object is thinner than the grid", votes)
         return replace(solved, notes={**self._describe(votes), **solved.notes})
 
-    def _solve(
-        self, sights: Sights, planes: Depths, votes: np.ndarray, bound: np.ndarray, grid: Grid
-    ) -> Solved:
-        return solve(sights, planes, votes, bound, grid, self._masks, self._cameras)
-
     def _resample(self, bound: np.ndarray, grid: Grid) -> trimesh.Trimesh:
-        """The mesh as a grid has it: what ``_solve`` makes of it where no depths are found."""
+        """The mesh as a grid has it: what ``solve`` makes of it where no depths are found."""
         nothing = np.zeros_like(bound)
         field = settle(bound, nothing, nothing, grid.spacing)
         return extract(field, grid) if (field > 0).any() else self._mesh
