@@ -19,7 +19,7 @@ from silmesh.relief.free_space import BAND, Grid
 from silmesh.relief.ncc import OPTIONS
 from silmesh.relief.sights import Sights
 
-WIDE = 1  # voxels by which what is missing grows before it strikes depths
+WIDE = 3  # voxels by which what is missing grows before it strikes depths: a window's reach
 STEP = 0.5  # voxels between samples of a ray
 PUT_BACK = 0.1  # the field where something is put back, in BANDs
 
@@ -30,24 +30,26 @@ def cover(
     grid: Grid,
     silhouettes: np.ndarray,
     cameras: Cameras,
-) -> np.ndarray:
-    """The places that silhouettes miss: [grid] bool, the samples that are to be put back.
+) -> tuple[np.ndarray, np.ndarray]:
+    """Which places silhouettes miss, and which of their pixels are filled.
 
     Args:
         field, bound: [grid], positive inside
         silhouettes: [views, height, width] bool
         cameras: of these views
+    Returns:
+        [grid] bool, the samples that are to be put back; [views, height, width] bool
     """
-    missing = np.zeros(grid.shape, bool)
+    missing, filled = np.zeros(grid.shape, bool), np.zeros_like(silhouettes)
 
     def follow(i: int) -> None:
         to_grid = np.linalg.inv(cameras.K[i].numpy()).T @ cameras.R[i].numpy() / grid.spacing
         eye = (cameras.centres[i].numpy() - grid.origin) / grid.spacing
-        _follow(field, bound, missing, silhouettes[i], eye, to_grid)
+        _follow(field, bound, missing, filled[i], silhouettes[i], eye, to_grid)
 
     with ThreadPoolExecutor(torch.get_num_threads()) as pool:
         list(pool.map(follow, range(len(cameras))))
-    return missing
+    return missing, filled
 
 
 def strike(
@@ -97,8 +99,11 @@ def _strike(votes, depth, missing, eye, to_grid):
 
 
 @njit(**OPTIONS)
-def _follow(field, bound, missing, silhouette, eye, to_grid):
-    """Mark the best sample of each ray that meets nothing inside; ``to_grid`` as ``_strike``'s."""
+def _follow(field, bound, missing, filled, silhouette, eye, to_grid):
+    """Mark pixels whose rays meet something, and the best sample of the others within the bound.
+
+    ``to_grid`` is as ``_strike`` has it.
+    """
     shape = field.shape
     height, width = silhouette.shape
     for r in range(height):
@@ -129,5 +134,7 @@ def _follow(field, bound, missing, silhouette, eye, to_grid):
                         if best > 0:
                             break
                 at += STEP
-            if known and best <= 0:
+            if best > 0:
+                filled[r, c] = True
+            elif known:
                 missing[i, j, k] = True

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from scipy.ndimage import binary_erosion
+from scipy.ndimage import binary_dilation
 
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.originals import Originals
@@ -23,7 +23,6 @@ from silmesh.relief.depths import (
     sweep,
 )
 from silmesh.relief.free_space import Grid, doubt, fuse, measure, settle
-from silmesh.relief.rims import match_rims
 from silmesh.relief.sights import Sights, look
 from silmesh.relief.surface import (
     STANDINGS,
@@ -40,11 +39,12 @@ RESOLUTION, FINEST = 144, 224
 FIRST = 0.5  # of these for the first surface, of depths at half the size
 DOUBTS = 2  # rounds in which depths that others see through are left out
 STRIKES = 4  # most rounds in which depths that contradict silhouettes are struck
+FADES = 4  # most rounds in which views lose their say about what is missing still
+AROUND = np.ones((3, 3, 3), bool)  # voxels about a missing one
 VERTICES = 16_000  # of the refined surface, if the mesh has no more
 FEW = 0.03  # share of the pixels that see the mesh: fewer depths say too little
 DENIED = 0.3  # share of those with texture, of which fewer with a depth are gloss,
 MANY = 0.1  # unless this share of all has one: photographs that are kept out judge those
-INNER = 2  # pixels within a silhouette from which on nothing may be missing
 
 # Why a surface, the second, is not worth going on with, "" if it is: the first is the given mesh as
 # the same grid has it.
@@ -122,7 +122,9 @@ def refine(
     sights = look(originals, silhouettes, cameras, views, LONGEST, known.scale if known else None)
     search = _Search(mesh, sights, masks, believed, seed, within(progress, 0, 0.9))
     solved = search.go_on(views, known) if known else search.run(doubt)
-    surface = mesh if solved.reason else _finish(solved.surface, mesh, believed, masks.shape[1:])
+    surface = mesh
+    if not solved.reason:
+        surface = simplify(solved.surface, max(VERTICES, len(mesh.vertices)))
     verts, faces = np.asarray(surface.vertices), np.asarray(surface.faces)
     standing = judge_standing(verts, solved.close, search.grid, masks, believed)
     parts = np.bincount(standing, minlength=len(STANDINGS)) / len(standing)
@@ -131,14 +133,6 @@ def refine(
     notes["seconds"] = round(time.monotonic() - started, 2)
     progress(1.0)
     return Relief(verts, faces, standing, not solved.reason, notes, search.keep(views))
-
-
-def _finish(
-    surface: trimesh.Trimesh, mesh: trimesh.Trimesh, cameras: Cameras, size: tuple[int, int]
-) -> trimesh.Trimesh:
-    """Fewer vertices, and the rims where the given mesh has them."""
-    simple = simplify(surface, max(VERTICES, len(mesh.vertices)))
-    return match_rims(simple, mesh, cameras, size)
 
 
 def _choose_resolution(mesh: trimesh.Trimesh) -> int:
@@ -289,21 +283,44 @@ def solve(
     masks: np.ndarray,
     cameras: Cameras,
 ) -> Solved:
-    """Fuse the depths that do not contradict the silhouettes."""
-    inner = np.stack([binary_erosion(mask, iterations=INNER) for mask in masks])
+    """Fuse the depths that do not contradict the silhouettes.
+
+    Depths that see through pixels are struck which the mesh, as the grid has it, fills. About what
+    is missing then the mesh alone has a say; what is missing still is put back.
+    """
+    nothing = np.zeros_like(bound)
+    _, filled = cover(settle(bound, nothing, nothing, grid.spacing), bound, grid, masks, cameras)
     struck = doubted = 0
     for _ in range(DOUBTS):
         weight, _, close = fuse(sights, found, votes, bound, grid)
         doubted += doubt(votes, found, sights, weight, close, grid)
+    outlines = bound, grid, filled, cameras
     for _ in range(STRIKES):
         weight, mean, close = fuse(sights, found, votes, bound, grid)
-        solid = settle(bound, weight, mean, grid.spacing)
-        missing = cover(solid, bound, grid, inner, cameras)
+        solid, missing = _fill(weight, mean, *outlines)
         gone = strike(votes, found, sights, missing, grid) if missing.any() else 0
         struck += gone
         if not gone:
             break
-    missing = cover(solid, bound, grid, masks, cameras)
+    for _ in range(FADES):
+        if not missing.any():
+            break
+        around = binary_dilation(missing, AROUND)
+        weight[around] = close[around] = 0
+        solid, missing = _fill(weight, mean, *outlines)
     solid[missing] = np.maximum(solid[missing], PUT_BACK)
     notes = {"doubted": doubted, "struck": struck, "put_back": int(missing.sum())}
     return Solved(extract(solid, grid) if (solid > 0).any() else None, close, notes)
+
+
+def _fill(
+    weight: np.ndarray,
+    mean: np.ndarray,
+    bound: np.ndarray,
+    grid: Grid,
+    masks: np.ndarray,
+    cameras: Cameras,
+) -> tuple[np.ndarray, np.ndarray]:
+    """The field by what views say, and which of its samples silhouettes miss: [grid] each."""
+    solid = settle(bound, weight, mean, grid.spacing)
+    return solid, cover(solid, bound, grid, masks, cameras)[0]
