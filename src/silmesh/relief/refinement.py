@@ -38,8 +38,7 @@ COARSE, FINE = 4, 1  # passes over the rows at each size
 RESOLUTION, FINEST = 144, 224
 FIRST = 0.5  # of these for the first surface, of depths at half the size
 DOUBTS = 2  # rounds in which depths that others see through are left out
-STRIKES = 4  # most rounds in which depths that contradict silhouettes are struck
-FADES = 4  # most rounds in which views lose their say about what is missing still
+FADES = 2  # most rounds in which views lose their say about what is missing still
 AROUND = np.ones((3, 3, 3), bool)  # voxels about a missing one
 VERTICES = 16_000  # of the refined surface, if the mesh has no more
 FEW = 0.03  # share of the pixels that see the mesh: fewer depths say too little
@@ -290,18 +289,17 @@ def solve(
     """
     nothing = np.zeros_like(bound)
     _, filled = cover(settle(bound, nothing, nothing, grid.spacing), bound, grid, masks, cameras)
-    struck = doubted = 0
+    doubted = 0
     for _ in range(DOUBTS):
         weight, _, close = fuse(sights, found, votes, bound, grid)
         doubted += doubt(votes, found, sights, weight, close, grid)
     outlines = bound, grid, filled, cameras
-    for _ in range(STRIKES):
+    weight, mean, close = fuse(sights, found, votes, bound, grid)
+    solid, missing = _fill(weight, mean, *outlines)
+    struck = strike(votes, found, sights, missing, grid) if missing.any() else 0
+    if struck:
         weight, mean, close = fuse(sights, found, votes, bound, grid)
         solid, missing = _fill(weight, mean, *outlines)
-        gone = strike(votes, found, sights, missing, grid) if missing.any() else 0
-        struck += gone
-        if not gone:
-            break
     for _ in range(FADES):
         if not missing.any():
             break
