@@ -252,8 +252,7 @@ class _Search:
 
     def _resample(self, bound: np.ndarray, grid: Grid) -> trimesh.Trimesh:
         """The mesh as a grid has it: what ``solve`` makes of it where no depths are found."""
-        nothing = np.zeros_like(bound)
-        field = settle(bound, nothing, nothing, grid.spacing)
+        field = _settle_alone(bound, grid)
         return extract(field, grid) if (field > 0).any() else self._mesh
 
     def _stop(self, reason: str, counted: np.ndarray | None = None) -> Solved:
@@ -287,8 +286,7 @@ def solve(
     Depths that see through pixels are struck which the mesh, as the grid has it, fills. About what
     is missing then the mesh alone has a say; what is missing still is put back.
     """
-    nothing = np.zeros_like(bound)
-    _, filled = cover(settle(bound, nothing, nothing, grid.spacing), bound, grid, masks, cameras)
+    _, filled = cover(_settle_alone(bound, grid), bound, grid, masks, cameras)
     doubted = 0
     for _ in range(DOUBTS):
         weight, _, close = fuse(sights, found, votes, bound, grid)
@@ -309,6 +307,12 @@ def solve(
     solid[missing] = np.maximum(solid[missing], PUT_BACK)
     notes = {"doubted": doubted, "struck": struck, "put_back": int(missing.sum())}
     return Solved(extract(solid, grid) if (solid > 0).any() else None, close, notes)
+
+
+def _settle_alone(bound: np.ndarray, grid: Grid) -> np.ndarray:
+    """The field where no view says anything: the mesh as the grid has it."""
+    nothing = np.zeros_like(bound)
+    return settle(bound, nothing, nothing, grid.spacing)
 
 
 def _fill(
