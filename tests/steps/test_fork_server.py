@@ -157,6 +157,16 @@ def test_one_that_serves_a_command_is_found_and_ends_with_it():
     assert wait_for(lambda: name not in names())
 
 
+@pytest.mark.parametrize("library", ["six", "json"])
+def test_a_file_named_like_a_library_is_not_taken_for_it(tmp_path, monkeypatch, library):
+    (tmp_path / f"{library}.py").write_text("raise ImportError\n")
+    monkeypatch.chdir(tmp_path)
+    with fork_server.serving() as named:
+        assert wait_for(lambda: named[fork_server.NAME] in names())
+        status, _, told = outcome("picture", "--help", env=os.environ | named, cwd=tmp_path)
+        assert status == 0, told
+
+
 def test_a_name_that_nobody_answers_to_is_no_hindrance():
     said = outcome("views", "--help", env=os.environ | {fork_server.NAME: "silmesh-gone"})
     assert said[0] == 0

@@ -53,6 +53,8 @@ LATER = (
 NAME = "SILMESH_FORK_SERVER"  # the environment variable that holds the name of its socket
 # OpenBLAS reads this once, as it is loaded; the last bits of results depend on it.
 ALONE = {"OPENBLAS_NUM_THREADS": "1"}
+# A file in the folder of a run, a `six.py` or `json.py`, is not taken for the library of its name.
+SAFE = {"PYTHONSAFEPATH": "1"}
 LOOK = 500  # milliseconds between two checks that its parent lives
 STREAMS = (0, 1, 2)
 PR_SET_PDEATHSIG = 1  # of prctl(2)
@@ -86,7 +88,7 @@ def serving() -> Iterator[Mapping[str, str]]:
 
 
 def _choose_name() -> dict[str, str]:
-    return {NAME: f"silmesh-{secrets.token_hex(8)}", **ALONE}
+    return {NAME: f"silmesh-{secrets.token_hex(8)}", **ALONE, **SAFE}
 
 
 def _launch(environment: Mapping[str, str], apart: bool = False) -> subprocess.Popen:
