@@ -131,44 +131,42 @@ def fuse(
 def _fuse(bound, weight, mean, close, origin, spacing, P, back, R, depth, normals, score, votes):
     """Fill one slab of constant x, [y, z]."""
     views, height, width = depth.shape
-    x = origin[0]
     band = BAND * spacing
-    for j in range(bound.shape[0]):
-        y = origin[1] + j * spacing
-        for k in range(bound.shape[1]):
-            if bound[j, k] <= -0.99:
-                continue
-            z = origin[2] + k * spacing
-            total = sums = at = 0.0
-            for v in range(views):
-                p2 = P[v, 2, 0] * x + P[v, 2, 1] * y + P[v, 2, 2] * z + P[v, 2, 3]
-                if p2 <= 0:
+    furthest = band / SQUARELY  # behind a depth along the axis, where it says something at most
+    total, sums, at = np.zeros(bound.shape), np.zeros(bound.shape), np.zeros(bound.shape)
+    for v in range(views):  # outside, since a view's planes fit the cache
+        for j in range(bound.shape[0]):
+            y = origin[1] + j * spacing
+            px, py, pz = P[v, :, 0] * origin[0] + P[v, :, 1] * y + P[v, :, 3]
+            for k in range(bound.shape[1]):
+                z = origin[2] + k * spacing
+                p2 = pz + P[v, 2, 2] * z
+                if bound[j, k] <= -0.99 or p2 <= 0:
                     continue
-                u = (P[v, 0, 0] * x + P[v, 0, 1] * y + P[v, 0, 2] * z + P[v, 0, 3]) / p2
-                w = (P[v, 1, 0] * x + P[v, 1, 1] * y + P[v, 1, 2] * z + P[v, 1, 3]) / p2
+                u, w = (px + P[v, 0, 2] * z) / p2, (py + P[v, 1, 2] * z) / p2
                 if not (0 <= u < width and 0 <= w < height):
                     continue
                 r, c = int(w), int(u)
-                if not votes[v, r, c]:
+                if not votes[v, r, c] or p2 - depth[v, r, c] > furthest:
                     continue
                 n = normals[v, r, c]
                 a = back[v, 0, 0] * u + back[v, 0, 1] * w + back[v, 0, 2]
                 b = back[v, 1, 1] * w + back[v, 1, 2]
-                cosine = -(n[0] * a + n[1] * b + n[2]) / np.sqrt(a * a + b * b + 1)
                 ray = np.sqrt(a * a + b * b + 1)
+                cosine = -(n[0] * a + n[1] * b + n[2]) / ray
                 signed = (p2 - depth[v, r, c]) * ray * max(cosine, SQUARELY) / band
                 if signed > 1:
                     continue
                 trust = score[v, r, c]
                 if signed > -1:
                     trust *= 0.2 + max(cosine, 0.0)
-                total += trust
-                sums += trust * max(signed, -1.0)
-                if signed > -1:
-                    at += trust
-            weight[j, k] = total
-            close[j, k] = at
-            mean[j, k] = sums / total if total > 0 else 0.0
+                    at[j, k] += trust
+                total[j, k] += trust
+                sums[j, k] += trust * max(signed, -1.0)
+    for j in range(bound.shape[0]):
+        for k in range(bound.shape[1]):
+            weight[j, k], close[j, k] = total[j, k], at[j, k]
+            mean[j, k] = sums[j, k] / total[j, k] if total[j, k] > 0 else 0.0
 
 
 def doubt(
