@@ -7,8 +7,9 @@ and cameras, the stages hull and fast fit a mesh to them, and the photographs re
 those of them that are kept out. Compared with the truth are the hull of the full silhouettes (256
 samples a side), the fit, and what the photographs make of it. ``limit`` is the volume IoU of the
 truth with everything filled that no view sees into: no method can know better. ``to_hull`` and
-``to_fit`` are ratios of chamfer distances; ``decided`` is the latter for what is taken: the fit, if
-the photographs that are kept out do not confirm the refined mesh.
+``to_fit`` are ratios of chamfer distances; ``decided`` is the latter for what is taken: the refined
+mesh, led back to its outlines and with its unseen ends spanned, or the fit, if the photographs that
+are kept out do not confirm it.
 """
 
 import argparse
@@ -16,6 +17,7 @@ import json
 import resource
 import time
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -32,8 +34,9 @@ from silmesh.fitting.mending import follow_outlines
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.mesh_files import to_tensors
 from silmesh.geometry.silhouette_iou import silhouette_iou
+from silmesh.geometry.unseen import span_unseen
 from silmesh.geometry.visual_hull import carve
-from silmesh.relief.judgement import refine_if_better
+from silmesh.relief.judgement import Judged, refine_if_better
 from silmesh.relief.refinement import Relief, refine
 from silmesh.relief.surface import STANDINGS
 from silmesh.settings.fit import FastFit
@@ -55,7 +58,8 @@ RESOLUTION = 256  # samples of the hull, a side
 MARGIN = 0.25  # of the truth's size: how much wider the box is
 SAMPLES = 100_000  # points of the box about the truth by which the limit is found
 COLUMNS = (
-    *("limit", "hull_volume", "fit_volume", "relief_volume", "to_hull", "to_fit", "decided"),
+    *("limit", "hull_volume", "fit_volume", "relief_volume", "taken_volume"),
+    *("to_hull", "to_fit", "decided"),
     *("iou_fit", "iou_relief", *STANDINGS, "seconds", "cpu_seconds", "peak_mb"),
 )
 
@@ -95,36 +99,35 @@ class Timed:
 def measure(case: Case, given: argparse.Namespace, folder: Path) -> dict[str, Any]:
     """A row of the table, and what else was found."""
     fitted = prepare(case, given.size, given.working, folder, given.scans, given.steps)
-    timed = Timed()
+    timed, overlap = Timed(), partial(measure_iou, fitted)
     judged = refine_if_better(
         fitted.mesh,
         fitted.originals,
         fitted.silhouettes,
         fitted.cameras,
-        lambda body: measure_iou(fitted, body),
+        overlap,
         seed=given.seed,
         by=timed,
         mend=lambda refined: follow_outlines(
             refined, fitted.cameras, fitted.silhouettes, FastFit()
         ),
+        span=lambda refined: span_unseen(refined, fitted.cameras, overlap),
     )
     if not timed.relief:  # nothing was tried
         timed.relief = Relief(judged.mesh.vertices, judged.mesh.faces, judged.standing, False, {})
     mesh = trimesh.Trimesh(timed.relief.verts, timed.relief.faces, process=False)
     if given.meshes:
-        write(given.meshes, case, fitted, mesh, timed.relief.standing)
-    compared = compare(fitted, mesh)
+        write(given.meshes, case, fitted, judged)
+    compared = compare(fitted, mesh, judged.mesh)
     chamfer = {name: figures["chamfer"] for name, figures in compared.items()}
     standing = timed.relief.standing
     shares = np.bincount(standing, minlength=len(STANDINGS)) / len(standing)
-    to_fit = chamfer["relief"] / chamfer["fit"]
-    decided = compare_to_truth(judged.mesh, fitted.truth)["chamfer"] / chamfer["fit"]
     return {
         "limit": find_limit(fitted.truth, fitted.placed),
         **{f"{name}_volume": figures["volume_iou"] for name, figures in compared.items()},
         "to_hull": chamfer["relief"] / chamfer["hull"],
-        "to_fit": to_fit,
-        "decided": decided,
+        "to_fit": chamfer["relief"] / chamfer["fit"],
+        "decided": chamfer["taken"] / chamfer["fit"],
         "iou_fit": measure_iou(fitted, fitted.mesh),
         "iou_relief": measure_iou(fitted, mesh),
         **dict(zip(STANDINGS, shares.tolist(), strict=True)),
@@ -136,10 +139,12 @@ def measure(case: Case, given: argparse.Namespace, folder: Path) -> dict[str, An
     }
 
 
-def compare(fitted: Fitted, mesh: trimesh.Trimesh) -> dict[str, dict[str, Any]]:
-    """The hull, the fit and the refined mesh against the truth."""
+def compare(
+    fitted: Fitted, refined: trimesh.Trimesh, taken: trimesh.Trimesh
+) -> dict[str, dict[str, Any]]:
+    """The hull, the fit, the refined mesh and what is taken against the truth."""
     hull = trimesh.Trimesh(*carve(fitted.full, fitted.placed, RESOLUTION).surface(), process=False)
-    bodies = {"hull": hull, "fit": fitted.mesh, "relief": mesh}
+    bodies = {"hull": hull, "fit": fitted.mesh, "relief": refined, "taken": taken}
     return {name: compare_to_truth(body, fitted.truth) for name, body in bodies.items()}
 
 
@@ -150,15 +155,14 @@ def measure_iou(fitted: Fitted, mesh: trimesh.Trimesh) -> float:
     return float(seen.mean())
 
 
-def write(
-    folder: Path, case: Case, fitted: Fitted, mesh: trimesh.Trimesh, standing: np.ndarray
-) -> None:
-    """Write the three meshes and a picture of them, to be looked at."""
+def write(folder: Path, case: Case, fitted: Fitted, judged: Judged) -> None:
+    """Write truth, fit and what is taken, and a picture of them, to be looked at."""
     folder.mkdir(parents=True, exist_ok=True)
-    bodies = {"truth": fitted.truth, "fit": fitted.mesh, "relief": mesh}
+    bodies = {"truth": fitted.truth, "fit": fitted.mesh, "taken": judged.mesh}
     for kind, body in bodies.items():
         body.export(folder / f"{name_file(case)}-{kind}.ply")
-    draw_sheet(fitted, mesh, standing).save(folder / f"{name_file(case)}.png", optimize=True)
+    sheet = draw_sheet(fitted, judged.mesh, judged.standing)
+    sheet.save(folder / f"{name_file(case)}.png", optimize=True)
 
 
 def name_file(case: Case) -> str:

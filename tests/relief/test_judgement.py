@@ -17,7 +17,7 @@ from silmesh.geometry.originals import Originals
 from silmesh.geometry.silhouette_iou import silhouette_iou
 from silmesh.relief.judgement import compare, refine_if_better
 from silmesh.relief.refinement import Relief
-from silmesh.relief.surface import PHOTOGRAPHS
+from silmesh.relief.surface import GUESS, PHOTOGRAPHS
 from silmesh.settings.fit import FastFit
 from silmesh.views import write_views
 
@@ -100,7 +100,7 @@ def judge(scene: Scene, old: trimesh.Trimesh, new: trimesh.Trimesh, mend=None):
     return judge_by(scene, old, propose(new), mend)
 
 
-def judge_by(scene: Scene, old: trimesh.Trimesh, by, mend=None):
+def judge_by(scene: Scene, old: trimesh.Trimesh, by, mend=None, span=None):
     return refine_if_better(
         old,
         scene.originals,
@@ -109,6 +109,7 @@ def judge_by(scene: Scene, old: trimesh.Trimesh, by, mend=None):
         scene.overlap,
         by=by,
         mend=mend,
+        span=span,
     )
 
 
@@ -120,6 +121,22 @@ def test_the_dent_that_is_there_is_taken(dented: Scene) -> None:
     assert found.notes["held_out"] == ["v05", "v11", "v17"]
     assert found.notes["surface"] == {"outline": 0, "photographs": 1, "guess": 0}
     assert "dB" in found.notes["said"]
+
+
+def test_what_is_spanned_is_a_guess(dented: Scene) -> None:
+    new = make_ball(0.15)
+    lowest = int(new.vertices[:, 1].argmin())
+
+    def span(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+        verts = mesh.vertices.copy()
+        verts[lowest] *= 0.99
+        return trimesh.Trimesh(verts, mesh.faces, process=False)
+
+    found = judge_by(dented, make_ball(0.0), propose(new), span=span)
+    assert found.notes["taken"]
+    assert np.flatnonzero(found.standing == GUESS).tolist() == [lowest]
+    assert np.linalg.norm(found.mesh.vertices[lowest]) < np.linalg.norm(new.vertices[lowest])
+    assert found.notes["surface"]["guess"] == pytest.approx(1 / len(new.vertices))
 
 
 @pytest.mark.parametrize("dent", [0.0, 0.3, 0.22])

@@ -19,9 +19,10 @@ from silmesh.fitting.loop import run as run_fit
 from silmesh.fitting.presets import find_procedure, refuse_result
 from silmesh.geometry.camera import Cameras
 from silmesh.geometry.mesh_files import to_tensors
+from silmesh.geometry.unseen import span_unseen
 from silmesh.own_code import naming, own_file
 from silmesh.scene.scene import Scene
-from silmesh.settings.fit import AUTO, FastFit, Fit, refuse_clash
+from silmesh.settings.fit import AUTO, FastFit, Fit, refuse_clash, spans_unseen
 from silmesh.softras import has_triton
 from silmesh.views import held_out
 
@@ -97,16 +98,19 @@ def fit_mesh(
         records = run_fit(fit, watch, checkpoint)
         corrected = fit.correct(cameras, kept)
         refuse_result(settings.preset, fit, len(records), corrected, len(cameras))
+        verts, faces = fit.verts.cpu(), fit.faces.cpu()
+        if spans_unseen(settings):
+            verts = _span(verts, faces, corrected, scene, belief)
         notes = {
             "iou_start": belief.measure(*(part.cpu() for part in start), cameras, scene),
-            "iou_end": belief.measure(fit.verts.cpu(), fit.faces.cpu(), corrected, scene),
+            "iou_end": belief.measure(verts, faces, corrected, scene),
             "distrusted": list(belief.distrusted),
             "corrected": list(belief.corrected),
             "cameras_exact": exact,
             "warnings": belief.warnings + _name_slow_renderer(settings, device),
         }
         back = scene.similarity.inverse
-        fitted = to_mesh(back.apply(fit.verts.double()), fit.faces)
+        fitted = to_mesh(back.apply(verts.double()), faces)
     return Fitted(fitted, corrected.in_world_of(back), records, settings, notes)
 
 
@@ -121,6 +125,18 @@ def to_mesh(verts: Tensor, faces: Tensor) -> trimesh.Trimesh:
     """A mesh as it is read from the file that is written of it."""
     single = verts.cpu().numpy().astype(np.float32)
     return trimesh.Trimesh(single.astype(np.float64), faces.cpu().numpy(), process=False)
+
+
+def _span(verts: Tensor, faces: Tensor, cameras: Cameras, scene: Scene, belief: Belief) -> Tensor:
+    """Vertices of a fitted mesh whose ends that no view sees are spanned."""
+    mesh = trimesh.Trimesh(verts.double().numpy(), faces.numpy(), process=False)
+    frames = None if scene.frames is None else scene.frames[belief.views]
+
+    def overlap(body: trimesh.Trimesh) -> float:
+        return belief.measure(*to_tensors(body), cameras, scene)
+
+    spanned = span_unseen(mesh, cameras.select(belief.views), overlap, frames)
+    return torch.from_numpy(np.asarray(spanned.vertices)).to(verts.dtype)
 
 
 def _has_exact_cameras(settings: Fit, scene: Scene, kept: list[int]) -> bool:

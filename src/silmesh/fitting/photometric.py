@@ -15,10 +15,11 @@ from silmesh.geometry.mesh_files import to_tensors
 from silmesh.geometry.originals import Originals
 from silmesh.geometry.silhouette_iou import silhouette_iou
 from silmesh.geometry.small_images import shrink, shrink_frames
+from silmesh.geometry.unseen import span_unseen
 from silmesh.progress import Share, untold
 from silmesh.relief.judgement import Judged, refine_if_better
 from silmesh.scene.scene import Scene
-from silmesh.settings.fit import FastFit
+from silmesh.settings.fit import FastFit, spans_unseen
 from silmesh.views import View
 
 LONGEST = 1600  # pixels of a photograph's longer side; more shows no more of a shape
@@ -64,6 +65,10 @@ def refine_by_photographs(
         spoken = None if frames is None else frames[believed]
         return follow_outlines(refined, seen.select(believed), small[believed], settings, spoken)
 
+    def span(refined: trimesh.Trimesh) -> trimesh.Trimesh:
+        spoken = None if frames is None else frames[believed]
+        return span_unseen(refined, seen.select(believed), overlap, spoken)
+
     judged = refine_if_better(
         _move(mesh, centring),
         Originals(cameras, views, scene.notes.get("lenses"), LONGEST, silhouettes),
@@ -74,6 +79,7 @@ def refine_by_photographs(
         settings.seed,
         progress,
         mend=mend,
+        span=span if spans_unseen(settings) else None,
     )
     taken = judged.notes["taken"]
     return replace(judged, mesh=_move(judged.mesh, centring.inverse) if taken else mesh)

@@ -28,7 +28,7 @@ from silmesh.geometry.small_images import LARGEST, shrink
 from silmesh.progress import Share, untold, within
 from silmesh.relief.free_space import Grid
 from silmesh.relief.refinement import Doubt, Relief, refine
-from silmesh.relief.surface import STANDINGS, judge_standing
+from silmesh.relief.surface import GUESS, STANDINGS, judge_standing
 
 HELD = 6  # every so many-th photograph is kept out
 FEWEST = 8  # photographs: of fewer too few are left to agree
@@ -74,6 +74,7 @@ def refine_if_better(
     progress: Share = untold,
     by: Callable[..., Relief] = refine,
     mend: Callable[[trimesh.Trimesh], trimesh.Trimesh] | None = None,
+    span: Callable[[trimesh.Trimesh], trimesh.Trimesh] | None = None,
 ) -> Judged:
     """Refine a surface by photographs, and take it if photographs that were kept out agree.
 
@@ -83,6 +84,7 @@ def refine_if_better(
         kept: positions of the views that are believed; all if not given
         by: what refines
         mend: moves the vertices of a mesh back to the silhouettes, if these are lost otherwise
+        span: moves those that no view sees, as ``silmesh.geometry.unseen.span_unseen`` does
     """
     started = time.perf_counter()
     views = list(range(len(cameras)) if kept is None else kept)
@@ -91,7 +93,7 @@ def refine_if_better(
         return _stay(mesh, before, doubt, {}, started)
     held = views[HELD - 1 :: HELD]
     used = [view for view in views if view not in held]
-    scene = _Scene(mesh, originals, silhouettes, overlap, mend)
+    scene = _Scene(mesh, originals, silhouettes, overlap, mend, span)
     given = mesh, originals, silhouettes, cameras
     relief = by(*given, used, seed, within(progress, 0, 0.7), None, scene.doubt_by(held, used))
     notes = {"held_out": [cameras.views[i] for i in held], "refinement": relief.notes}
@@ -118,6 +120,7 @@ class _Scene:
     silhouettes: np.ndarray
     overlap: Callable[[trimesh.Trimesh], float]
     mend: Callable[[trimesh.Trimesh], trimesh.Trimesh] | None
+    span: Callable[[trimesh.Trimesh], trimesh.Trimesh] | None
 
     def doubt_by(self, held: Sequence[int], used: Sequence[int]) -> Doubt:
         """Why a coarse surface is a hint at nothing better, as ``refine`` asks for it."""
@@ -143,9 +146,14 @@ class _Proposal:
 def _judge(relief: Relief, scene: _Scene, held: Sequence[int], used: Sequence[int]) -> _Proposal:
     """Whether a refined surface predicts the photographs at ``held`` better."""
     refined, notes = _fill_outlines(scene, _as_written(relief))
+    standing = relief.standing
+    if scene.span:
+        spanned = scene.span(refined)
+        moved = (spanned.vertices != refined.vertices).any(axis=1)
+        refined, standing = spanned, np.where(moved, GUESS, standing)
     notes |= compare(scene.mesh, refined, scene.originals, scene.silhouettes, held, used)
     why, better = _decide(notes["iou"], notes)
-    return _Proposal(refined, relief.standing, better, why, notes)
+    return _Proposal(refined, standing, better, why, notes)
 
 
 def compare(

@@ -112,6 +112,9 @@ class FastFit(_Fit):
     refine_cameras: Truth = Field(True, description="correct the cameras alongside")
     remesh: Truth = Field(True, description="give the mesh new edges when they are uneven")
     untangle: Truth = Field(True, description="in the end turn parts that are inside out")
+    span_unseen: Truth = Field(
+        True, description="in the end span what no view sees, as below what stands on a table"
+    )
     judge_views: Truth = Field(
         True, description="views and parts of silhouettes that the others contradict do not count"
     )
@@ -150,6 +153,11 @@ def name_fit(preset: str, photometric: str | bool | None = None) -> dict[str, An
 def is_photometric(fit: _Fit) -> bool:
     """Whether photographs have a say in the mesh after a fit, if they agree."""
     return bool(getattr(fit, "photometric", False))
+
+
+def spans_unseen(fit: _Fit) -> bool:
+    """Whether ends that no view sees are spanned after it."""
+    return bool(getattr(fit, "span_unseen", False))
 
 
 def refuse_clash(fit: _Fit) -> None:
