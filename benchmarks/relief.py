@@ -17,7 +17,6 @@ import json
 import resource
 import time
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -32,8 +31,6 @@ from rendered import Case, Fitted, prepare
 from silmesh.evaluation.ground_truth import compare_to_truth
 from silmesh.fitting.mending import follow_outlines
 from silmesh.geometry.camera import Cameras
-from silmesh.geometry.mesh_files import to_tensors
-from silmesh.geometry.silhouette_iou import silhouette_iou
 from silmesh.geometry.unseen import span_unseen
 from silmesh.geometry.visual_hull import carve
 from silmesh.relief.judgement import Judged, refine_if_better
@@ -99,7 +96,7 @@ class Timed:
 def measure(case: Case, given: argparse.Namespace, folder: Path) -> dict[str, Any]:
     """A row of the table, and what else was found."""
     fitted = prepare(case, given.size, given.working, folder, given.scans, given.steps)
-    timed, overlap = Timed(), partial(measure_iou, fitted)
+    timed, overlap = Timed(), fitted.measure_iou
     judged = refine_if_better(
         fitted.mesh,
         fitted.originals,
@@ -128,8 +125,8 @@ def measure(case: Case, given: argparse.Namespace, folder: Path) -> dict[str, An
         "to_hull": chamfer["relief"] / chamfer["hull"],
         "to_fit": chamfer["relief"] / chamfer["fit"],
         "decided": chamfer["taken"] / chamfer["fit"],
-        "iou_fit": measure_iou(fitted, fitted.mesh),
-        "iou_relief": measure_iou(fitted, mesh),
+        "iou_fit": fitted.measure_iou(fitted.mesh),
+        "iou_relief": fitted.measure_iou(mesh),
         **dict(zip(STANDINGS, shares.tolist(), strict=True)),
         **dict.fromkeys(("seconds", "cpu_seconds", "peak_mb"), 0.0),
         **timed.took,
@@ -146,13 +143,6 @@ def compare(
     hull = trimesh.Trimesh(*carve(fitted.full, fitted.placed, RESOLUTION).surface(), process=False)
     bodies = {"hull": hull, "fit": fitted.mesh, "relief": refined, "taken": taken}
     return {name: compare_to_truth(body, fitted.truth) for name, body in bodies.items()}
-
-
-def measure_iou(fitted: Fitted, mesh: trimesh.Trimesh) -> float:
-    """Mean IoU with the silhouettes of the working images."""
-    sigma = FastFit().sigma_at(fitted.silhouettes.shape[-1])
-    seen = silhouette_iou(*to_tensors(mesh), fitted.cameras, fitted.silhouettes, sigma)
-    return float(seen.mean())
 
 
 def write(folder: Path, case: Case, fitted: Fitted, judged: Judged) -> None:

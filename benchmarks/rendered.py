@@ -28,8 +28,11 @@ from scipy.ndimage import map_coordinates
 import silmesh
 from silmesh.cameras.turntable import orbit_cameras
 from silmesh.geometry.camera import Cameras, read_cameras, write_cameras
+from silmesh.geometry.mesh_files import to_tensors
 from silmesh.geometry.originals import Originals
+from silmesh.geometry.silhouette_iou import silhouette_iou
 from silmesh.report.pictures import Camera, camera_of, trace
+from silmesh.settings.fit import FastFit
 from silmesh.synthetic.dataset import find_paint, make_object, mesh_solid
 from silmesh.synthetic.layout import OBJECTS
 from silmesh.synthetic.orbit import DISTANCE
@@ -91,6 +94,13 @@ class Fitted:
     originals: Originals
     full: np.ndarray
     placed: Cameras
+
+    def measure_iou(self, mesh: trimesh.Trimesh) -> float:
+        """Mean IoU of a mesh with the silhouettes of the working images."""
+        sigma = FastFit().sigma_at(self.silhouettes.shape[-1])
+        return float(
+            silhouette_iou(*to_tensors(mesh), self.cameras, self.silhouettes, sigma).mean()
+        )
 
 
 def bowl(points: np.ndarray) -> np.ndarray:
@@ -217,7 +227,13 @@ def _texture(truth: trimesh.Trimesh) -> Callable:
 
 
 def prepare(
-    case: Case, size: int, working: int, folder: Path, scans: Path, steps: int = 600
+    case: Case,
+    size: int,
+    working: int,
+    folder: Path,
+    scans: Path,
+    steps: int = 600,
+    spanned: bool = True,
 ) -> Fitted:
     """Photographs of a case and what the stages make of them; what the folder has is not redone.
 
@@ -226,15 +242,18 @@ def prepare(
         working: of the working images
         folder: of this case and these sizes
         steps: of the fit at most; few for a quick look
+        spanned: whether the fit spans ends that no view sees
     """
     truth, placed = make_truth(case.name, scans), two_rings(case.rings, size)
     full = take(case, truth, placed, folder)
     shown = silmesh.read_photographs(folder / "photos", size=working)
     found = silmesh.find_silhouettes(shown, folder / "masks")
     scene = silmesh.find_cameras(shown, found, folder / "cameras.json")
-    kept, cameras = (folder / f"fit-{working}-{steps}.{kind}" for kind in ("npz", "json"))
+    name = f"fit-{working}-{steps}{'' if spanned else '-open'}"
+    kept, cameras = (folder / f"{name}.{kind}" for kind in ("npz", "json"))
     if not kept.exists():
-        fitted = silmesh.fit(silmesh.initial_mesh(scene), scene, iterations=steps)
+        told = {"iterations": steps, "span_unseen": spanned}
+        fitted = silmesh.fit(silmesh.initial_mesh(scene), scene, **told)
         np.savez(kept, verts=fitted.mesh.vertices, faces=fitted.mesh.faces)
         write_cameras(cameras, fitted.cameras)
     with np.load(kept) as saved:

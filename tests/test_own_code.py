@@ -1,5 +1,6 @@
 """A person's own functions: called, and blamed by file and line for what they raise."""
 
+import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,11 +64,13 @@ def test_the_mesh_of_a_function_is_fitted_as_it_stands_in_the_world(own, scene):
     assert np.linalg.norm(plain.mesh.vertices, axis=1).max() == pytest.approx(1)
 
 
-def test_a_file_may_import_what_lies_beside_it(tmp_path):
+def test_a_file_may_import_what_lies_in_the_folder_of_the_run(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "path", [p for p in sys.path if p])
+    monkeypatch.chdir(tmp_path)
     (tmp_path / "silmesh_test_beside.py").write_text("ANSWER = 42\n")
     text = "from silmesh_test_beside import ANSWER\n\ndef ask():\n    return ANSWER\n"
     (tmp_path / "asks.py").write_text(text)
-    assert call(f"{tmp_path / 'asks.py'}:ask") == 42
+    assert call("asks.py:ask") == 42
 
 
 def test_what_is_named_differs_by_what_a_stage_is_called(own):

@@ -76,8 +76,8 @@ def load(name: str) -> Callable[..., Any]:
     refuse_lacking("own code", name)
     file = own_file(name)
     where = str(file.absolute())
-    if (folder := str(file.absolute().parent)) not in sys.path:
-        sys.path.append(folder)  # for what it imports from beside it, after all libraries
+    if (here := str(Path.cwd())) not in sys.path:
+        sys.path.append(here)  # for what it imports, after all libraries
     spec = spec_from_file_location(f"silmesh_own_{zlib.crc32(where.encode()):08x}", file)
     module = module_from_spec(spec)
     with _naming_all(file):

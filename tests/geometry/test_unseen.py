@@ -10,16 +10,16 @@ from scenes import dome
 
 from silmesh.cameras.turntable import orbit_cameras
 from silmesh.geometry.camera import Cameras
-from silmesh.geometry.unseen import find_seen, span_unseen
+from silmesh.geometry.unseen import LOST, _find_gap, find_seen, span_unseen
 
 ELEVATION, RADIUS, HEIGHT = 15.0, 0.25, 0.3
 SIZE, DISTANCE = 64, 2.732
 
 
-def ring(azimuths: np.ndarray) -> Cameras:
-    """Cameras that look down at the origin by ELEVATION; y is up."""
+def ring(azimuths: np.ndarray, elevation: float = ELEVATION) -> Cameras:
+    """Cameras that look at the origin, by default down at it; y is up."""
     azimuths = torch.as_tensor(azimuths, dtype=torch.float64)
-    elevations = torch.full_like(azimuths, ELEVATION)
+    elevations = torch.full_like(azimuths, elevation)
     names = [f"{a:.0f}" for a in azimuths.tolist()]
     return orbit_cameras(names, SIZE, torch.full_like(azimuths, DISTANCE), elevations, azimuths)
 
@@ -62,28 +62,79 @@ def test_the_cone_below_what_stands_becomes_flat():
     assert mesh.volume == pytest.approx(cylinder(0).volume, rel=0.01)
     assert HULL.volume > 1.03 * cylinder(0).volume
     up = mesh.face_normals[(mesh.vertices[mesh.faces][..., 1] < -HEIGHT - 1e-9).all(axis=1), 1]
-    assert (up < -0.999).all(), "none of the film's triangles is folded over"
+    assert (up < -0.999).all(), "none of its triangles is folded over"
 
 
-def test_each_vertex_of_the_film_is_the_mean_of_its_neighbours():
+def test_each_vertex_has_the_mean_height_of_its_neighbours_and_keeps_its_place():
     mesh = span_unseen(HULL, ALL_AROUND, agree)
     moved = np.flatnonzero((mesh.vertices != HULL.vertices).any(axis=1))
     assert len(moved) > 100
+    np.testing.assert_allclose(mesh.vertices[:, [0, 2]], HULL.vertices[:, [0, 2]], atol=1e-9)
     for i in moved[::20]:
-        around = mesh.vertices[mesh.vertex_neighbors[i]].mean(axis=0)
-        np.testing.assert_allclose(mesh.vertices[i], around, atol=1e-9)
+        around = mesh.vertices[mesh.vertex_neighbors[i], 1].mean()
+        assert mesh.vertices[i, 1] == pytest.approx(around, abs=1e-9)
 
 
-def test_a_film_that_takes_from_the_outlines_is_left():
+def test_a_base_that_is_not_convex_is_not_folded():
+    """A bent bean, as a shoe stands on: over such an edge means of all coordinates fold."""
+    verts = HULL.vertices.copy()
+    verts[:, 2] += 6.0 * verts[:, 0] ** 2
+    bean = trimesh.Trimesh(verts, HULL.faces, process=False)
+    mesh = span_unseen(bean, ALL_AROUND, agree)
+    moved = (mesh.vertices != bean.vertices).any(axis=1)
+    assert moved.sum() > 100
+    base = moved[mesh.faces].all(axis=1)
+    assert (mesh.face_normals[base, 1] < 0).all()
+    assert np.ptp(mesh.vertices[moved, 1]) < 0.3 * np.ptp(bean.vertices[moved, 1])
+
+
+def test_an_end_that_takes_from_the_outlines_is_left():
     assert span_unseen(HULL, ALL_AROUND, lambda mesh: mesh.volume / HULL.volume) is HULL
 
 
-@pytest.mark.parametrize("azimuths", [np.arange(0, 180, 15.0), np.arange(-30, 31, 15.0)])
-def test_what_is_seen_from_some_sides_only_is_left(azimuths):
-    assert span_unseen(HULL, ring(azimuths), agree) is HULL
+@pytest.mark.parametrize("share", [0.4, 0.8])
+def test_what_two_ends_take_counts_together(share):
+    """Two cylinders, each of which loses that share of what may be lost."""
+    apart = HULL.copy().apply_translation((0.6, 0, 0)), HULL.copy().apply_translation((-0.6, 0, 0))
+    both = trimesh.util.concatenate(apart)
+
+    def lose(mesh: trimesh.Trimesh) -> float:
+        flat = (mesh.vertices != both.vertices).any(axis=1).reshape(2, -1).any(axis=1)
+        return 1 - share * LOST * flat.sum()
+
+    mesh = span_unseen(both, ALL_AROUND, lose)
+    flat = (mesh.vertices != both.vertices).any(axis=1).reshape(2, -1).any(axis=1)
+    assert flat.sum() == (2 if share < 0.5 else 1)
 
 
-def test_an_edge_that_is_not_level_is_left():
+@pytest.mark.parametrize(
+    ("azimuths", "gap"), [([0, 90, 180], 180), ([0, 120, 240], 120), ([350, 20, 100, 200], 150)]
+)
+def test_the_gap_between_cameras_is_the_widest_angle_about_the_axis(azimuths, gap):
+    axis, turn = np.array([0.3, -0.8, 0.5]), np.radians(azimuths)
+    across = np.linalg.svd(axis[None])[2][1:]
+    directions = np.stack([np.cos(turn), np.sin(turn)], axis=1) @ across + 2.0 * axis
+    assert _find_gap(directions, axis) == pytest.approx(gap)
+
+
+def test_an_unseen_ring_is_left():
+    """A collar: what is seen below it, as a stem, is not small."""
+    stem = turn([(0, -0.4), (0.12, -0.4), (0.12, 0), (0.3, 0), (0.3, 0.1), (0, 0.1)])
+    below = ring(np.arange(0, 360, 15.0), -2.0)
+    mesh = span_unseen(stem, below, agree)
+    collar = np.isclose(stem.vertices[:, 1], 0)
+    np.testing.assert_array_equal(mesh.vertices[collar], stem.vertices[collar])
+
+
+@pytest.mark.parametrize(("last", "spanned"), [(360, True), (150, False)])
+def test_what_is_seen_from_some_sides_only_is_left(last, spanned):
+    """A hat, whose top all cameras see: its base is unseen with a flat edge from wherever."""
+    hat = turn([(0, -HEIGHT - 0.05), (RADIUS, -HEIGHT), (0, -HEIGHT + 0.1)])
+    mesh = span_unseen(hat, ring(np.arange(0, last, 15.0), 60.0), agree)
+    assert (mesh is not hat) == spanned
+
+
+def test_an_edge_that_is_not_flat_is_left():
     verts = HULL.vertices.copy()
     verts[:, 1] += np.where(verts[:, 1] < 0, 2 * verts[:, 0] ** 2 - 1.5 * verts[:, 2] ** 2, 0)
     bent = trimesh.Trimesh(verts, HULL.faces, process=False)

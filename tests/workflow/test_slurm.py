@@ -142,7 +142,8 @@ def test_what_is_lost_is_made_again(slurm, project, finished, tmp_path, lost):
             slurm.wait_for(lambda: slurm.states()[GPU].startswith("down"), f"lost {GPU}")
             slurm.start_node(GPU)
         else:
-            slurm.save(slurm.ask("squeue", "-h", "--states=running", "-o", "%A").strip())
+            (running,) = slurm.ask("squeue", "-h", "--states=running", "-o", "%A").split()
+            slurm.save(running)
             slurm.kill("slurmctld")
             slurm.ask("kill", "-9", marker.read_text())
         said, _ = process.communicate(timeout=PATIENCE)

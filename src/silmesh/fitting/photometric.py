@@ -57,17 +57,23 @@ def refine_by_photographs(
     frames = shrink_frames(silhouettes, OUTLINES, scene.frames)
     sigma = settings.sigma_at(small.shape[-1])
 
+    spoken = None if frames is None else frames[believed]
+    trusted = seen.select(believed), small[believed]
+
     def overlap(body: trimesh.Trimesh) -> float:
         return float(silhouette_iou(*to_tensors(body), seen, small, sigma, frames).mean())
 
     def mend(refined: trimesh.Trimesh) -> trimesh.Trimesh:
         """By the silhouettes of the views that are believed."""
-        spoken = None if frames is None else frames[believed]
-        return follow_outlines(refined, seen.select(believed), small[believed], settings, spoken)
+        return follow_outlines(refined, *trusted, settings, spoken)
 
     def span(refined: trimesh.Trimesh) -> trimesh.Trimesh:
-        spoken = None if frames is None else frames[believed]
-        return span_unseen(refined, seen.select(believed), overlap, spoken)
+        """By the same."""
+
+        def agree(body: trimesh.Trimesh) -> float:
+            return float(silhouette_iou(*to_tensors(body), *trusted, sigma, spoken).mean())
+
+        return span_unseen(refined, trusted[0], agree, spoken)
 
     judged = refine_if_better(
         _move(mesh, centring),

@@ -150,7 +150,9 @@ def _judge(relief: Relief, scene: _Scene, held: Sequence[int], used: Sequence[in
     if scene.span:
         spanned = scene.span(refined)
         moved = (spanned.vertices != refined.vertices).any(axis=1)
-        refined, standing = spanned, np.where(moved, GUESS, standing)
+        if moved.any():
+            refined, standing = spanned, np.where(moved, GUESS, standing)
+            notes["iou"]["after"] = scene.overlap(refined)
     notes |= compare(scene.mesh, refined, scene.originals, scene.silhouettes, held, used)
     why, better = _decide(notes["iou"], notes)
     return _Proposal(refined, standing, better, why, notes)
