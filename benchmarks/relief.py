@@ -6,7 +6,7 @@ Of each case (``rendered.py`` says how one is written) 36 photographs are render
 and cameras, the stages hull and fast fit a mesh to them, and the photographs refine it, judged by
 those of them that are kept out. Compared with the truth are the hull of the full silhouettes (256
 samples a side), the fit, and what the photographs make of it. ``limit`` is the volume IoU of the
-truth with everything filled that no view sees into: no method can know better. ``to_hull`` and
+truth with everything filled that no view sees into, which only a guess can pass. ``to_hull`` and
 ``to_fit`` are ratios of chamfer distances; ``decided`` is the latter for what is taken: the refined
 mesh, led back to its outlines and with its unseen ends spanned, or the fit, if the photographs that
 are kept out do not confirm it.

@@ -71,8 +71,8 @@ def span_unseen(
     free &= neighbours @ ~free == 0  # through the triangles beside what is seen outlines pass
     for part in _find_parts(neighbours, free):
         end = _take_end(mesh, part, cameras) if shares[part].sum() >= LEAST else None
-        spanned = _span(mesh, neighbours, end) if end else None
-        if spanned:
+        spanned = None if end is None else _span(mesh, neighbours, end)
+        if spanned is not None:
             before = overlap(mesh) if before is None else before
             mesh = spanned if overlap(spanned) >= before - LOST else mesh
     return mesh
