@@ -26,7 +26,7 @@ import numpy as np
 import torch
 import trimesh
 from relief_sheet import draw_sheet
-from rendered import Case, Fitted, prepare
+from rendered import Case, Fitted, parser, prepare
 
 from silmesh.evaluation.ground_truth import compare_to_truth
 from silmesh.fitting.mending import follow_outlines
@@ -150,29 +150,17 @@ def write(folder: Path, case: Case, fitted: Fitted, judged: Judged) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     bodies = {"truth": fitted.truth, "fit": fitted.mesh, "taken": judged.mesh}
     for kind, body in bodies.items():
-        body.export(folder / f"{name_file(case)}-{kind}.ply")
+        body.export(folder / f"{case.file_name}-{kind}.ply")
     sheet = draw_sheet(fitted, judged.mesh, judged.standing)
-    sheet.save(folder / f"{name_file(case)}.png", optimize=True)
-
-
-def name_file(case: Case) -> str:
-    """A case as a file's name."""
-    return str(case).replace(":", "-")
+    sheet.save(folder / f"{case.file_name}.png", optimize=True)
 
 
 def main() -> None:
     """Print a row a case."""
-    args = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    args.add_argument("cases", nargs="*", default=CASES, help="OBJECT[:PAINT][@RING+RING]")
-    args.add_argument("--scans", type=Path, default=Path("../shared/data/scans"))
-    args.add_argument("--size", type=int, default=1024, help="of the photographs, in pixels")
-    args.add_argument("--working", type=int, default=256, help="of the working images")
+    args = parser(__doc__, CASES, 1024)
     args.add_argument("--steps", type=int, default=600, help="of the fit at most")
     args.add_argument("--threads", type=int, default=2)
     args.add_argument("--seed", type=int, default=0)
-    args.add_argument("--keep", type=Path, help="folder of photographs and fits, kept for later")
     args.add_argument("--meshes", type=Path, help="folder to write meshes and pictures of them to")
     args.add_argument("--json", type=Path, help="file to write")
     given = args.parse_args()
@@ -181,7 +169,7 @@ def main() -> None:
     rows = {}
     with TemporaryDirectory() as scratch:
         for case in map(Case.parse, given.cases):
-            folder = (given.keep or Path(scratch)) / f"{name_file(case)}-{given.size}"
+            folder = (given.keep or Path(scratch)) / f"{case.file_name}-{given.size}"
             rows[str(case)] = row = measure(case, given, folder)
             print(f"{case!s:24}" + "".join(f"{row[c]:14.3f}" for c in COLUMNS), flush=True)
     if given.json:

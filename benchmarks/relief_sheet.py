@@ -28,9 +28,11 @@ def _draw_row(fitted: Fitted, mesh: trimesh.Trimesh, standing: np.ndarray, view:
     tinted[hits.mask] = STANDING[standing][mesh.faces[hits.faces, 0]] / 255
     cells.append(relight(tinted, mesh, camera, hits))
     cells.append(shade(fitted.truth, camera, trace(fitted.truth, camera), True))
-    return np.hstack([np.asarray(photograph), *map(_shrink, cells)])
+    return np.hstack([np.asarray(photograph), *map(shrink, cells)])
 
 
-def _shrink(cell: np.ndarray) -> np.ndarray:
-    small = cell.reshape(CELL, FINE, CELL, FINE, 3).mean(axis=(1, 3))
+def shrink(cell: np.ndarray) -> np.ndarray:
+    """What was drawn FINE times as large, [side, side, 3] in [0, 1], as pixels."""
+    side = len(cell) // FINE
+    small = cell.reshape(side, FINE, side, FINE, 3).mean(axis=(1, 3))
     return (255 * small.clip(0, 1)).round().astype(np.uint8)

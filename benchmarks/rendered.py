@@ -14,7 +14,8 @@ and still. Each pixel is the mean of RAYS x RAYS rays; its mask is what one ray 
 meets.
 """
 
-from collections.abc import Callable
+import argparse
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -72,6 +73,11 @@ class Case:
     def __str__(self) -> str:
         return f"{self.name}:{self.paint}@{'+'.join(f'{ring:g}' for ring in self.rings)}"
 
+    @property
+    def file_name(self) -> str:
+        """The same as a file's name."""
+        return str(self).replace(":", "-")
+
 
 @dataclass(frozen=True)
 class Fitted:
@@ -98,9 +104,27 @@ class Fitted:
     def measure_iou(self, mesh: trimesh.Trimesh) -> float:
         """Mean IoU of a mesh with the silhouettes of the working images."""
         sigma = FastFit().sigma_at(self.silhouettes.shape[-1])
-        return float(
-            silhouette_iou(*to_tensors(mesh), self.cameras, self.silhouettes, sigma).mean()
-        )
+        seen = silhouette_iou(*to_tensors(mesh), self.cameras, self.silhouettes, sigma)
+        return float(seen.mean())
+
+
+def parser(said: str | None, cases: Sequence[str], size: int) -> argparse.ArgumentParser:
+    """What a command about cases is told.
+
+    Args:
+        said: about the command
+        cases: if none are given
+        size: of the photographs, likewise
+    """
+    args = argparse.ArgumentParser(
+        description=said, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    args.add_argument("cases", nargs="*", default=cases, help="OBJECT[:PAINT][@RING+RING]")
+    args.add_argument("--scans", type=Path, default=Path("../shared/data/scans"))
+    args.add_argument("--size", type=int, default=size, help="of the photographs, in pixels")
+    args.add_argument("--working", type=int, default=256, help="of the working images")
+    args.add_argument("--keep", type=Path, help="folder of photographs and fits, kept for later")
+    return args
 
 
 def bowl(points: np.ndarray) -> np.ndarray:

@@ -8,7 +8,6 @@ cameras, and the stages hull and fast fit a mesh to them, whose ends are then sp
 silhouettes are of both.
 """
 
-import argparse
 import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,7 +16,8 @@ import numpy as np
 import torch
 import trimesh
 from PIL import Image
-from rendered import Case, Fitted, prepare
+from relief_sheet import shrink
+from rendered import Case, Fitted, parser, prepare
 
 from silmesh.cameras.turntable import orbit_cameras
 from silmesh.evaluation.ground_truth import compare_to_truth
@@ -54,28 +54,19 @@ def draw(bodies: list[trimesh.Trimesh]) -> Image.Image:
         edge = (1 - SHOWN) / 2 * whole.size
         camera = whole.cropped(edge, edge, SHOWN * whole.size, whole.size)
         cells = [shade(body, camera, trace(body, camera), True) for body in bodies]
-        small = [c.reshape(CELL, FINE, CELL, FINE, 3).mean(axis=(1, 3)) for c in cells]
-        rows.append(np.hstack(small))
-    return Image.fromarray((255 * np.vstack(rows)).round().astype(np.uint8))
+        rows.append(np.hstack([shrink(cell) for cell in cells]))
+    return Image.fromarray(np.vstack(rows))
 
 
 def main() -> None:
     """Print a row a case."""
-    args = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    args.add_argument("cases", nargs="*", default=CASES, help="OBJECT[:PAINT][@RING+RING]")
-    args.add_argument("--scans", type=Path, default=Path("../shared/data/scans"))
-    args.add_argument("--size", type=int, default=512, help="of the photographs, in pixels")
-    args.add_argument("--working", type=int, default=256, help="of the working images")
-    args.add_argument("--keep", type=Path, help="folder of photographs and fits, kept for later")
+    args = parser(__doc__, CASES, 512)
     args.add_argument("--picture", type=Path, help="to write: the last case left, spanned, truth")
     given = args.parse_args()
     print(f"{'':24}" + "".join(f"{column:>10}" for column in COLUMNS))
     with TemporaryDirectory() as scratch:
         for case in map(Case.parse, given.cases):
-            name = str(case).replace(":", "-")
-            folder = (given.keep or Path(scratch)) / f"{name}-{given.size}"
+            folder = (given.keep or Path(scratch)) / f"{case.file_name}-{given.size}"
             fitted = prepare(case, given.size, given.working, folder, given.scans, spanned=False)
             started = time.perf_counter()
             spanned = span_unseen(fitted.mesh, fitted.cameras, fitted.measure_iou)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -60,8 +61,13 @@ def refine_by_photographs(
     spoken = None if frames is None else frames[believed]
     trusted = seen.select(believed), small[believed]
 
-    def overlap(body: trimesh.Trimesh) -> float:
-        return float(silhouette_iou(*to_tensors(body), seen, small, sigma, frames).mean())
+    def overlap(
+        body: trimesh.Trimesh,
+        views: Cameras = seen,
+        shown: np.ndarray = small,
+        around: np.ndarray | None = frames,
+    ) -> float:
+        return float(silhouette_iou(*to_tensors(body), views, shown, sigma, around).mean())
 
     def mend(refined: trimesh.Trimesh) -> trimesh.Trimesh:
         """By the silhouettes of the views that are believed."""
@@ -69,11 +75,9 @@ def refine_by_photographs(
 
     def span(refined: trimesh.Trimesh) -> trimesh.Trimesh:
         """By the same."""
-
-        def agree(body: trimesh.Trimesh) -> float:
-            return float(silhouette_iou(*to_tensors(body), *trusted, sigma, spoken).mean())
-
-        return span_unseen(refined, trusted[0], agree, spoken)
+        views, shown = trusted
+        agree = partial(overlap, views=views, shown=shown, around=spoken)
+        return span_unseen(refined, views, agree, spoken)
 
     judged = refine_if_better(
         _move(mesh, centring),

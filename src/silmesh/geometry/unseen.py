@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
-from scipy.sparse import coo_array, csr_array, diags_array
+from scipy.sparse import csr_array, diags_array
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
@@ -62,7 +62,7 @@ def span_unseen(
         the same vertices and faces, in the same order, elsewhere; the mesh itself if it has no such
         end
     """
-    neighbours, before = _link(mesh), None
+    neighbours, before = csr_array(mesh.edges_sparse, dtype=float), None  # 1 where an edge is
     shares = mesh.faces_sparse @ mesh.area_faces / (3 * mesh.area)  # of the area, each vertex'
     free = ~find_seen(mesh, cameras, frames)
     for part in _find_parts(neighbours, ~free):
@@ -101,14 +101,6 @@ def find_seen(
     return seen
 
 
-def _link(mesh: trimesh.Trimesh) -> csr_array:
-    """Which vertices share an edge: [verts, verts], 1 or 0."""
-    ends = mesh.edges_unique.T
-    ends = np.concatenate([ends, ends[::-1]], axis=1)
-    shape = len(mesh.vertices), len(mesh.vertices)
-    return coo_array((np.ones(ends.shape[1]), tuple(ends)), shape=shape).tocsr()
-
-
 def _find_parts(neighbours: csr_array, of: np.ndarray) -> list[np.ndarray]:
     """The vertices of each connected part of those that ``of`` [verts] bool says."""
     index = np.flatnonzero(of)
@@ -121,21 +113,16 @@ def _take_end(mesh: trimesh.Trimesh, part: np.ndarray, cameras: Cameras) -> _End
     inner = np.zeros(len(mesh.vertices), bool)
     inner[part] = True
     own = inner[mesh.faces].any(axis=1)
-    border = mesh.vertices[np.setdiff1d(mesh.faces[own], part)]
+    whole = trimesh.Trimesh(mesh.vertices, mesh.faces[own], process=False)
+    border = mesh.vertices[np.setdiff1d(whole.faces, part)]
     axis = mesh.area_faces[own] @ mesh.face_normals[own]
     size = np.linalg.norm(axis)
-    if not (_is_disc(mesh.faces[own]) and len(border) and size > 0):
+    if whole.euler_number != 1 or not len(border) or not size > 0:
         return None
     axis, off = axis / size, border - border.mean(axis=0)
     flat = np.linalg.norm(off @ axis) < FLAT * np.linalg.norm(off, ord=2)
     around = _find_gap(cameras.centres.numpy() - border.mean(axis=0), axis) < GAP
     return _End(part, own, axis) if flat and around else None
-
-
-def _is_disc(faces: np.ndarray) -> bool:
-    """Whether triangles in one piece have one edge and no handle: Euler's characteristic is 1."""
-    edges = np.unique(np.sort(faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
-    return len(np.unique(faces)) - len(edges) + len(faces) == 1
 
 
 def _find_gap(directions: np.ndarray, axis: np.ndarray) -> float:
