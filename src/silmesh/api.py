@@ -775,12 +775,12 @@ class _Search:
 
     def _calibrate(self, known: Any, before: Sequence[Attempt]) -> Attempt:
         """By the silhouettes, unless attempts that were made before leave little to gain."""
-        from silmesh.scene.agreement import spare
         from silmesh.scene.calibrated_sets import SOURCE, calibrate_sets
+        from silmesh.scene.sparing import spare_turntable
 
         views, files = self.photographs.views, self.photographs.files
         settings = _check("calibrate", self.calibrate)
-        if not settings.always and (spared := spare(SOURCE, before, len(views))):
+        if not settings.always and (spared := spare_turntable(SOURCE, before, len(views))):
             return spared
         named = [view.view for view in views]
         return calibrate_sets(

@@ -11,8 +11,8 @@ import turned_over
 from scenes import names, silhouettes, turntable
 
 from silmesh.cameras.stages import APART, LARGEST, MODEL, Report, make_stage
-from silmesh.scene.agreement import spare
 from silmesh.scene.motion import judge_model
+from silmesh.scene.sparing import spare
 from silmesh.views import place_view
 
 SIZE, COUNT, KEPT = 64, 12, 8

@@ -23,6 +23,13 @@ def turntable(count: int, size: int, elevation: float = 0.0) -> Cameras:
     return turntable_cameras(names(count), size, 2.732, elevation, 360 / count)
 
 
+def orbit(count: int, size: int, elevation: np.ndarray) -> Cameras:
+    """A whole turn of cameras in even steps, each of an elevation [count] of its own."""
+    turned = 360 / count * torch.arange(count, dtype=torch.float64)
+    far = torch.full_like(turned, 2.732)
+    return orbit_cameras(names(count), size, far, torch.as_tensor(elevation), turned)
+
+
 def dome(count: int, size: int) -> Cameras:
     """Cameras all around: a spiral from above to below."""
     i = torch.arange(count, dtype=torch.float64)

@@ -13,7 +13,7 @@ from silmesh.geometry.frame import find_shown
 from silmesh.geometry.robust_hull import robust_carve
 from silmesh.geometry.silhouette_iou import coherence
 from silmesh.geometry.small_images import LARGEST, shrink, shrink_frames
-from silmesh.geometry.thresholds import COHERENT, REFUSED, UNBEATEN
+from silmesh.geometry.thresholds import COHERENT, REFUSED
 from silmesh.geometry.undistortion import Undistorted, undistort
 from silmesh.geometry.visual_hull import carve, find_enclosed
 from silmesh.scene.scene import find_similarity, refuse_enclosed
@@ -61,6 +61,15 @@ class Normalised:
         By it cameras are compared and refused, since wrong ones agree with a few views by chance.
         """
         return float(np.delete(self.coherence, self.empty).mean())
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """What an attempt says of it among its figures, by which ``sparing`` decides."""
+        return {
+            "coherence": self.overall,
+            "coherence_uncontradicted": self.mean,
+            "contradicted": [self.cameras.views[i] for i in self.contradicted],
+        }
 
 
 def normalise(
@@ -243,7 +252,7 @@ def refuse_incoherent(
         why = f"cameras {attempt.source!r}: {error}"
         return replace(attempt, cameras=None, refusal=why)
     mean = normalised.overall
-    attempt = replace(attempt, figures={**attempt.figures, **note_coherence(normalised)})
+    attempt = replace(attempt, figures={**attempt.figures, **normalised.figures})
     if mean >= REFUSED:
         return attempt
     why = (
@@ -254,30 +263,6 @@ def refuse_incoherent(
         f"silhouettes are not the object's{TRY_CALIBRATE}"
     )
     return replace(attempt, cameras=None, refusal=why)
-
-
-def spare(source: str, before: Sequence[Attempt], views: int) -> Attempt | None:
-    """A refusal of a source whose cameras could hardly be taken; None if they are to be sought.
-
-    Args:
-        before: attempts by other sources, judged by ``refuse_incoherent``
-        views: how many there are
-    """
-    for attempt in before:
-        coherence = attempt.figures.get("coherence", 0.0)
-        whole = attempt.cameras is not None and len(attempt.cameras) == views
-        if whole and coherence >= UNBEATEN and not attempt.figures["contradicted"]:
-            why = (
-                f"not tried, for by {attempt.source!r} all have a camera, hull IoU {coherence:.3f}"
-            )
-            return Attempt(source, None, refusal=why)
-    return None
-
-
-def note_coherence(found: Normalised) -> dict[str, Any]:
-    """What an attempt says of it among its figures, by which ``spare`` decides."""
-    contradicted = [found.cameras.views[i] for i in found.contradicted]
-    return {"coherence": found.overall, "contradicted": contradicted}
 
 
 def choose(attempts: Sequence[Attempt], candidates: Sequence[Normalised | None]) -> tuple[int, str]:

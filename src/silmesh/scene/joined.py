@@ -18,7 +18,7 @@ from silmesh.cameras.attempt import Attempt
 from silmesh.cameras.turned import DISTINCT, Half, Turning, find_turnings
 from silmesh.cameras.turned_together import solve_together
 from silmesh.errors import InputError
-from silmesh.scene.agreement import Normalised, note_coherence
+from silmesh.scene.agreement import Normalised
 from silmesh.scene.joined_choice import RIVALS, choose
 from silmesh.scene.joined_parts import Part, bring, merge, prepare, take_part
 from silmesh.views import View
@@ -62,7 +62,7 @@ def join_attempts(
         "joins": joins,
         "of_sets": [dict(attempt.figures) for attempt in attempts],
         "disagreeing": merge(attempt.figures.get("disagreeing", {}) for attempt in attempts),
-        **note_coherence(whole.normalised),
+        **whole.normalised.figures,
     }
     said = [warning for attempt in attempts for warning in attempt.warnings]
     said += [f"cameras {source!r}: {line}" for join in joins for line in join["said"]]

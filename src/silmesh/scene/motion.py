@@ -28,8 +28,9 @@ from silmesh.cameras.stages import (
 )
 from silmesh.geometry.thresholds import COHERENT
 from silmesh.progress import Share, untold, within
-from silmesh.scene.agreement import NEAR, refuse_incoherent, spare
+from silmesh.scene.agreement import NEAR, refuse_incoherent
 from silmesh.scene.joined import join_attempts
+from silmesh.scene.sparing import spare
 from silmesh.settings.cameras import Colmap
 from silmesh.views import View
 

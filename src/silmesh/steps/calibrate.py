@@ -9,8 +9,8 @@ import torch
 
 from silmesh.cameras.attempt import read_attempt, write_attempt
 from silmesh.progress import share_of
-from silmesh.scene.agreement import spare
 from silmesh.scene.calibrated_sets import SOURCE, calibrate_sets
+from silmesh.scene.sparing import spare_turntable
 from silmesh.settings.cameras import Calibrate
 from silmesh.settings.turntable import parse_turntable
 from silmesh.silhouettes import read_silhouettes
@@ -44,7 +44,7 @@ def main(argv: Sequence[str] | None = None) -> None:
     torch.set_num_threads(given.threads)
     views = read_views(given.views)
     before = [read_attempt(folder) for folder in given.unless]
-    attempt = spare(SOURCE, before, len(views)) or calibrate_sets(
+    attempt = spare_turntable(SOURCE, before, len(views)) or calibrate_sets(
         read_silhouettes(given.silhouettes, [view.view for view in views]),
         views,
         given.sets,

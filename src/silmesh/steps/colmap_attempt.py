@@ -9,7 +9,7 @@ import torch
 
 from silmesh.cameras.attempt import read_attempt, write_attempt
 from silmesh.progress import share_of
-from silmesh.scene.agreement import spare
+from silmesh.scene.sparing import spare
 from silmesh.scene.motion import SOURCE, attempt_features
 from silmesh.settings.cameras import Colmap
 from silmesh.silhouettes import read_silhouettes
