@@ -49,10 +49,11 @@ def spare_turntable(source: str, before: Sequence[Attempt], views: int) -> Attem
             continue
         angle = _measure_swerve(attempt.cameras, contradicted)
         if angle > ONE_AXIS:
+            agree = f"{views - len(contradicted)} of {views} views agree"
             why = (
-                f"not tried, for by {attempt.source!r} {views - len(contradicted)} of {views} views "
-                f"agree, hull IoU {coherence:.3f}, and were not taken on a turntable: their turns "
-                f"leave one axis by {angle:.1f} degrees (a turntable's by {ONE_AXIS:g} at most)"
+                f"not tried, for by {attempt.source!r} {agree}, hull IoU {coherence:.3f}, and were "
+                f"not taken on a turntable: their turns leave one axis by {angle:.1f} degrees (a "
+                f"turntable's by {ONE_AXIS:g} at most)"
             )
             return Attempt(source, None, refusal=why)
     return None

@@ -9,8 +9,8 @@ import torch
 
 from silmesh.cameras.attempt import read_attempt, write_attempt
 from silmesh.progress import share_of
-from silmesh.scene.sparing import spare
 from silmesh.scene.motion import SOURCE, attempt_features
+from silmesh.scene.sparing import spare
 from silmesh.settings.cameras import Colmap
 from silmesh.silhouettes import read_silhouettes
 from silmesh.steps.command import add_settings, output_folder, parser, run
