@@ -131,29 +131,47 @@ def _look_cubic(image, places, out):
     height, width, channels = image.shape
     for j in range(len(out)):
         x, y = places[j]
+        if not (1 <= x < width - 2 and 1 <= y < height - 2):  # in a function of its own, or sums
+            _look_at_edge(image, x, y, out[j])  # and shares would leave their registers here
+            continue
+        left, top = int(x), int(y)
+        a, b, c, d = _weigh(np.float32(x - left))
+        first, second, third, last = _weigh(np.float32(y - top))
         for k in range(channels):
-            out[j, k] = 0
-        if not (-2 < x < width + 1 and -2 < y < height + 1):
-            continue
-        left, top = int(x + 2) - 2, int(y + 2) - 2
-        across, down = _weigh(np.float32(x - left)), _weigh(np.float32(y - top))
-        if 1 <= left < width - 2 and 1 <= top < height - 2:
-            for i in range(4):
-                row, share = image[top - 1 + i], down[i]
+            out[j, k] = (
+                first * _look_across(image[top - 1], left, a, b, c, d, k)
+                + second * _look_across(image[top], left, a, b, c, d, k)
+                + third * _look_across(image[top + 1], left, a, b, c, d, k)
+                + last * _look_across(image[top + 2], left, a, b, c, d, k)
+            )
+
+
+@njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract"})
+def _look_across(row, left, a, b, c, d, k):
+    """A channel of four pixels of a row, from the one before ``left`` on, in these shares."""
+    return (
+        a * np.float32(row[left - 1, k])
+        + b * np.float32(row[left, k])
+        + c * np.float32(row[left + 1, k])
+        + d * np.float32(row[left + 2, k])
+    )
+
+
+@njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract"})
+def _look_at_edge(image, x, y, out):
+    """One place, bicubic, some of whose pixels may lie beyond the image; NaN lies nowhere."""
+    height, width, channels = image.shape
+    out[:] = 0
+    if not (-2 < x < width + 1 and -2 < y < height + 1):
+        return
+    left, top = int(x + 2) - 2, int(y + 2) - 2
+    across, down = _weigh(np.float32(x - left)), _weigh(np.float32(y - top))
+    for i in range(4):
+        for n in range(4):
+            row, column = top - 1 + i, left - 1 + n
+            if 0 <= row < height and 0 <= column < width:
                 for k in range(channels):
-                    out[j, k] += share * (
-                        across[0] * np.float32(row[left - 1, k])
-                        + across[1] * np.float32(row[left, k])
-                        + across[2] * np.float32(row[left + 1, k])
-                        + across[3] * np.float32(row[left + 2, k])
-                    )
-            continue
-        for i in range(4):
-            for n in range(4):
-                row, column = top - 1 + i, left - 1 + n
-                if 0 <= row < height and 0 <= column < width:
-                    for k in range(channels):
-                        out[j, k] += down[i] * across[n] * image[row, column, k]
+                    out[k] += down[i] * across[n] * image[row, column, k]
 
 
 @njit(nogil=True, cache=True, error_model="numpy", fastmath={"contract"})
