@@ -28,27 +28,13 @@ def test_it_is_the_dense_solve():
     np.testing.assert_allclose(smooth(other), np.linalg.solve(matrix, other), atol=1e-6)
 
 
-def test_that_of_a_large_mesh_is_nearly_the_dense_solve(monkeypatch):
-    monkeypatch.setattr(module, "DIRECT", 10)
-    verts, faces = to_tensors(unit_sphere(40))
-    for smoothing in (0.0, 1.0, 5.0):
-        smooth, matrix = Smooth(faces, 40, smoothing), dense(faces, 40, smoothing)
-        u = smooth.parameters(verts)
-        np.testing.assert_allclose(smooth(u), verts, atol=3e-6)
-        weight = torch.randn(40, 3, generator=torch.Generator().manual_seed(1))
-        u = u.requires_grad_()
-        (smooth(u) * weight).sum().backward()
-        expected = np.linalg.solve(matrix, weight.double())
-        np.testing.assert_allclose(u.grad, expected, atol=1e-5)
-
-
 def test_on_a_device_it_is_the_dense_solve_too(monkeypatch):
     """What a GPU does, on the CPU: an inverse, or a polynomial of a sparse matrix there."""
     verts, faces = to_tensors(unit_sphere(40))
     monkeypatch.setattr(module, "works_on", lambda device: True)
     weight = torch.randn(40, 3, generator=torch.Generator().manual_seed(1))
     for most, smoothing in ((10, 0.0), (10, 5.0), (40, 0.0), (40, 5.0)):
-        monkeypatch.setattr(module, "DIRECT", most)
+        monkeypatch.setattr(module, "HELD", most)
         smooth, matrix = Smooth(faces, 40, smoothing), dense(faces, 40, smoothing)
         u = smooth.parameters(verts).requires_grad_()
         np.testing.assert_allclose(smooth(u).detach(), verts, atol=3e-6)
