@@ -28,7 +28,7 @@ from silmesh.softras import soft_silhouettes
 from silmesh.softras.tiles import TILE, Tiles, count_tiles, find_tiles
 
 CELL = 8  # pixels: the grain in which outlines are looked for
-MARGIN = CELL / 2  # pixels: the band reaches so far, and is found anew when a vertex moved that far
+MARGIN = 8.0  # pixels: the band reaches so far, and is found anew when a vertex moved that far
 FARTHEST = 1e5  # pixels: of a vertex near a camera's plane nothing is to be seen
 CENTRE = 1e-6  # sigma with which the centres of tiles are looked at, in images of a pixel a tile
 
@@ -119,13 +119,15 @@ class Band:
     def __init__(self, level: BandLevel, points: Tensor, hinges: Hinges):
         self._points = points
         faces, mesh = hinges.faces, (hinges.faces.cpu().numpy(), hinges.ends, hinges.sides)
-        pixels, wanted = points.cpu().numpy(), []
-        for view, outline in enumerate(level.outlines):
-            found = outline.copy()
+        pixels, sums = points.cpu().numpy(), level.sums
+
+        def want(view: int) -> np.ndarray:
+            found = level.outlines[view].copy()
             _mark_contour(found, pixels[view], *mesh)
-            wanted.append(_pool(found))
-        sums = level.sums
-        self.tiles, on = find_tiles(np.stack(wanted), level.size), points.device
+            return _pool(found)
+
+        wanted = np.stack(list(ahead(want, range(len(sums)), torch.get_num_threads())))
+        self.tiles, on = find_tiles(wanted, level.size), points.device
         self._shown, self._counted = (part.to(on) for part in _cut_out(level, self.tiles))
         self._total = torch.tensor(sums[:, 0].sum(axis=(1, 2)), dtype=torch.float32).to(on)
         self._rest = self._sum_rest(sums, _see_centres(points, faces, sums.shape[2:])).to(on)
@@ -250,10 +252,11 @@ def _mark_contour(cells, points, faces, edges, sides):
         count = 1 + int(max(abs(along), abs(down)) / CELL)
         for k in range(count + 1):
             u, v = x + k / count * along, y + k / count * down
-            for row in (int((v - MARGIN) // CELL), int((v + MARGIN) // CELL)):
-                for column in (int((u - MARGIN) // CELL), int((u + MARGIN) // CELL)):
-                    if 0 <= row < rows and 0 <= column < columns:
-                        cells[row, column] = True
+            top, bottom = int((v - MARGIN) // CELL), int((v + MARGIN) // CELL)
+            left, right = int((u - MARGIN) // CELL), int((u + MARGIN) // CELL)
+            for row in range(max(top, 0), min(bottom + 1, rows)):
+                for column in range(max(left, 0), min(right + 1, columns)):
+                    cells[row, column] = True
 
 
 def _pool(cells: np.ndarray) -> np.ndarray:
