@@ -120,7 +120,7 @@ def test_the_band_holds_until_a_point_moves_by_its_margin():
     points, faces, silhouettes = scene()
     band = Band(BandLevel(1, silhouettes, SIGMA, 1.0), points, Hinges.of(faces))
     moved = points.clone()
-    moved[1, 7, 0] += 3.9
+    moved[1, 7, 0] += 7.9
     assert band.holds(moved, [0, 1])
     moved[1, 7, 0] += 0.2
     assert not band.holds(moved, [0, 1])
