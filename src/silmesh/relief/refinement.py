@@ -22,7 +22,7 @@ from silmesh.relief.depths import (
     find_texture,
     sweep,
 )
-from silmesh.relief.free_space import Grid, doubt, fuse, measure, settle
+from silmesh.relief.free_space import ENOUGH, Grid, doubt, fuse, measure, settle
 from silmesh.relief.sights import Sights, look
 from silmesh.relief.surface import (
     STANDINGS,
@@ -30,6 +30,7 @@ from silmesh.relief.surface import (
     judge_standing,
     simplify,
 )
+from silmesh.relief.unseen_space import find_unseen_air
 
 LONGEST = 400  # pixels of the object in the finer of the two sizes that depths are found at
 COARSE, FINE = 4, 1  # passes over the rows at each size
@@ -298,14 +299,21 @@ def solve(
     if struck:
         weight, mean, close = fuse(sights, found, votes, bound, grid)
         solid, missing = _fill(weight, mean, *outlines)
+    faded = np.zeros(grid.shape, bool)
     for _ in range(FADES):
         if not missing.any():
             break
         around = binary_dilation(missing, AROUND)
         weight[around] = close[around] = 0
+        faded |= around
+        solid, missing = _fill(weight, mean, *outlines)
+    air = find_unseen_air(solid, weight, bound, faded)
+    if air.any():
+        weight[air], mean[air] = ENOUGH, -1
         solid, missing = _fill(weight, mean, *outlines)
     solid[missing] = np.maximum(solid[missing], PUT_BACK)
     notes = {"doubted": doubted, "struck": struck, "put_back": int(missing.sum())}
+    notes["unseen_air"] = int(air.sum())
     return Solved(extract(solid, grid) if (solid > 0).any() else None, close, notes)
 
 

@@ -10,13 +10,12 @@ The minimum over all labellings is a minimum cut of the graph whose arcs have th
 """
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import breadth_first_order, maximum_flow
+
+from silmesh.geometry.minimum_cut import cut_graph
 
 SMOOTH = 2.0  # nats that two neighbours of one colour pay for being told apart
 # Half of a pixel's eight neighbours; the others have it among theirs.
 NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1))
-FINE = 100  # capacities are whole numbers, of which so many make a nat
 
 
 def cut(odds: np.ndarray, pixels: np.ndarray, free: np.ndarray, fixed: np.ndarray) -> np.ndarray:
@@ -36,7 +35,7 @@ def cut(odds: np.ndarray, pixels: np.ndarray, free: np.ndarray, fixed: np.ndarra
     odds = odds + _pull(near, far, weights, free, fixed)
     both = free.flat[near] & free.flat[far]
     near, far = index.flat[near[both]], index.flat[far[both]]
-    labels = _cut_graph(odds[free], near, far, weights[both])
+    labels = cut_graph(odds[free], near, far, weights[both])
     out = fixed.copy()
     out[free] = labels
     return out
@@ -74,23 +73,3 @@ def _pull(
         sign = np.where(fixed.flat[other[held]], 1, -1)
         pull += np.bincount(one[held], sign * weights[held], free.size)
     return pull.reshape(free.shape)
-
-
-def _cut_graph(
-    odds: np.ndarray, near: np.ndarray, far: np.ndarray, weights: np.ndarray
-) -> np.ndarray:
-    """Which pixels stay on the source's side, the object's: [pixels] bool."""
-    count = len(odds)
-    every, source, sink = np.arange(count), np.full(count, count), np.full(count, count + 1)
-    tails = np.concatenate([near, far, source, every])
-    heads = np.concatenate([far, near, every, sink])
-    capacities = np.concatenate([weights, weights, np.maximum(odds, 0), np.maximum(-odds, 0)])
-    whole = np.rint(FINE * capacities).astype(np.int32)
-    graph = csr_array((whole, (tails, heads)), shape=(count + 2, count + 2))
-    left = graph - maximum_flow(graph, count, count + 1).flow
-    left.data = np.maximum(left.data, 0)
-    left.eliminate_zeros()
-    reached = breadth_first_order(left, count, return_predecessors=False)
-    labels = np.zeros(count + 2, bool)
-    labels[reached] = True
-    return labels[:count]

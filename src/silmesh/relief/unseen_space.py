@@ -1,0 +1,92 @@
+"""Where no view looks in: the space behind a hollow's seen walls is bounded by little surface.
+
+Views see down the walls of a hollow as far as its rim lets them, so that what they find free ends
+in a mound of what none of them sees, with an edge for each view. Nothing tells what is there. Taken
+for the least surface that the seen one bounds, it is a membrane across the hollow, which is the
+minimum cut of the graph of neighbouring samples (Boykov and Kolmogorov, *Computing geodesics and
+minimal surfaces via graph cuts*, 2003).
+"""
+
+from collections.abc import Iterator
+from itertools import product
+
+import numpy as np
+from scipy.ndimage import binary_dilation, label
+
+from silmesh.geometry.minimum_cut import cut_graph
+from silmesh.relief.free_space import HELD
+
+BLOCK = 2  # samples along the side of a node of the graph
+AROUND = np.ones((3, 3, 3), bool)
+# Half of the 26 neighbours of a node; the others have it among theirs.
+HALF = [step for step in product((-1, 0, 1), repeat=3) if step > (0, 0, 0)]
+
+
+def find_unseen_air(
+    field: np.ndarray, weight: np.ndarray, bound: np.ndarray, solid: np.ndarray
+) -> np.ndarray:
+    """Which samples inside a surface are outside of the least one: [grid] bool.
+
+    They are such of which no view says enough, as far inside the bound as it is measured.
+
+    Args:
+        field: [grid], positive inside the surface
+        weight: of what views say
+        bound: signed distance to the mesh, cut off at +-1
+        solid: [grid] bool, samples that stay inside
+    """
+    open_ = (field > 0) & (weight < HELD) & (bound >= 1) & ~solid
+    inside = field > 0
+    count = _sum_blocks(inside)
+    within = _sum_blocks(field) > 0
+    unseen = within & (_sum_blocks(inside & ~open_) < count / 2)
+    unseen &= _sum_blocks(bound) >= BLOCK**3
+    unseen = _touching(unseen, ~within)
+    left = ~_part(unseen, within & ~unseen, ~within)
+    taken = np.zeros(field.shape, bool)
+    blocks = (unseen & left).repeat(BLOCK, 0).repeat(BLOCK, 1).repeat(BLOCK, 2)
+    taken[tuple(slice(n) for n in blocks.shape)] = blocks
+    return taken & open_
+
+
+def _sum_blocks(values: np.ndarray) -> np.ndarray:
+    """Sums over blocks of BLOCK^3 samples; what is left at the ends belongs to none."""
+    shape = [n // BLOCK for n in values.shape]
+    whole = values[tuple(slice(BLOCK * n) for n in shape)]
+    sides = [side for n in shape for side in (n, BLOCK)]
+    return whole.reshape(sides).sum(axis=(1, 3, 5))
+
+
+def _touching(unseen: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """The parts of what is unseen that border on what is free."""
+    parts, number = label(unseen, AROUND)
+    touched = np.zeros(number + 1, bool)
+    touched[parts[binary_dilation(free, AROUND) & unseen]] = True
+    return touched[parts] & unseen
+
+
+def _part(unseen: np.ndarray, solid: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """Which unseen nodes a minimum cut leaves with what is solid: [nodes along x, y, z] bool."""
+    index = np.full(unseen.shape, -1)
+    index[unseen] = np.arange(unseen.sum())
+    odds, near, far, weights = np.zeros(unseen.sum()), [], [], []
+    for (here, there), share in _neighbours(unseen.shape):
+        for one, other in ((here, there), (there, here)):
+            among = unseen[one]
+            sign = solid[other][among].astype(float) - free[other][among]
+            odds[index[one][among]] += share * sign
+        both = unseen[here] & unseen[there]
+        near.append(index[here][both])
+        far.append(index[there][both])
+        weights.append(np.full(both.sum(), share))
+    found = np.zeros(unseen.shape, bool)
+    found[unseen] = cut_graph(odds, *map(np.concatenate, (near, far, weights)))
+    return found
+
+
+def _neighbours(shape: tuple[int, ...]) -> Iterator[tuple[tuple, float]]:
+    """For each of HALF the slices that pair nodes with that neighbour, and its weight."""
+    for step in HALF:
+        here = tuple(slice(max(0, -d), n - max(0, d)) for d, n in zip(step, shape, strict=True))
+        there = tuple(slice(max(0, d), n - max(0, -d)) for d, n in zip(step, shape, strict=True))
+        yield (here, there), 1 / float(np.linalg.norm(step))
