@@ -44,7 +44,9 @@ def find_unseen_air(
     unseen = _touching(unseen, ~within)
     left = ~_part(unseen, within & ~unseen, ~within)
     taken = np.zeros(field.shape, bool)
-    blocks = (unseen & left).repeat(BLOCK, 0).repeat(BLOCK, 1).repeat(BLOCK, 2)
+    air = unseen & left
+    air |= binary_dilation(air, AROUND) & ~within  # what little of a free block is left inside
+    blocks = air.repeat(BLOCK, 0).repeat(BLOCK, 1).repeat(BLOCK, 2)
     taken[tuple(slice(n) for n in blocks.shape)] = blocks
     return taken & open_
 

@@ -1,0 +1,66 @@
+"""A well of which views see the walls down to a height, and above a mound of what they do not see."""
+
+import numpy as np
+import pytest
+
+from silmesh.relief.unseen_space import find_unseen_air
+
+SIDE, RADIUS, LOW, TOP = 64, 18, 20, 38  # of a block and its well: where walls end, and the mound
+I, J, K = np.indices((SIDE, SIDE, SIDE))
+OUT = np.hypot(I - SIDE / 2 + 0.5, J - SIDE / 2 + 0.5)
+MOUND = LOW + (TOP - LOW) * (1 - OUT / RADIUS)
+NOTHING = np.zeros(OUT.shape, bool)
+
+
+def well(mound=MOUND, seen=0.0):
+    """Field, weight and bound of a block with a well that is free down to ``mound``.
+
+    Args:
+        seen: weight of the mound's surface, three samples deep
+    """
+    bound = np.minimum.reduce([I, J, K, SIDE - 1 - I, SIDE - 1 - J, SIDE - 1 - K]).clip(0, 3) / 3
+    free = (OUT < RADIUS) & (mound < K)
+    walls = (OUT >= RADIUS) & (OUT < RADIUS + 3) & (K >= LOW)
+    floor = (OUT < RADIUS) & (mound >= K) & (mound - 3 < K)
+    field = np.where(free, -1.0, bound)
+    weight = np.where(free, 9.0, np.where(walls, 5.0, np.where(floor, seen, 0.0)))
+    return field, weight, bound.astype(float)
+
+
+def test_a_mound_that_no_view_sees_is_flattened():
+    air = find_unseen_air(*well(), NOTHING)
+    assert air.sum() == pytest.approx(np.pi * RADIUS**2 * (TOP - LOW) / 3, rel=0.15)
+    assert K[air].min() >= LOW - 2  # a node of the graph
+    assert OUT[air].max() < RADIUS
+
+
+def test_what_views_see_stays():
+    assert not find_unseen_air(*well(seen=5.0), NOTHING).any()
+
+
+def test_what_single_depths_pretend_does_not_stay():
+    assert find_unseen_air(*well(seen=0.5), NOTHING).sum() > 4_000
+
+
+def test_a_flat_floor_stays():
+    assert not find_unseen_air(*well(np.full(OUT.shape, float(LOW))), NOTHING).any()
+
+
+def test_a_solid_block_stays():
+    _, _, bound = well()
+    nothing = np.zeros(bound.shape)
+    assert not find_unseen_air(bound, nothing, bound, NOTHING).any()
+
+
+def test_what_has_to_stay_stays():
+    held = (OUT < 6) & (K <= TOP)
+    air = find_unseen_air(*well(), held)
+    assert not air[held].any()
+    assert air.any()
+
+
+def test_nothing_near_the_bound_is_air():
+    """A well nearly as deep as the block: below its walls there are six samples."""
+    deep = MOUND - LOW + 4
+    air = find_unseen_air(*well(deep), NOTHING)
+    assert K[air].min() >= 3
