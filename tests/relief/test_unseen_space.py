@@ -1,12 +1,12 @@
-"""A well of which views see the walls down to a height, and above a mound of what they do not see."""
+"""A well: views see its walls down to a height, and leave a mound of what they do not see."""
 
 import numpy as np
 
 from silmesh.relief.unseen_space import find_unseen_air
 
 SIDE, RADIUS, LOW, TOP = 64, 18, 20, 38  # of a block and its well: where walls end, and the mound
-I, J, K = np.indices((SIDE, SIDE, SIDE))
-OUT = np.hypot(I - SIDE / 2 + 0.5, J - SIDE / 2 + 0.5)
+X, Y, Z = np.indices((SIDE, SIDE, SIDE))
+OUT = np.hypot(X - SIDE / 2 + 0.5, Y - SIDE / 2 + 0.5)
 MOUND = LOW + (TOP - LOW) * (1 - OUT / RADIUS)
 NOTHING = np.zeros(OUT.shape, bool)
 
@@ -17,10 +17,10 @@ def well(mound=MOUND, seen=0.0):
     Args:
         seen: weight of the mound's surface, three samples deep
     """
-    bound = np.minimum.reduce([I, J, K, SIDE - 1 - I, SIDE - 1 - J, SIDE - 1 - K]).clip(0, 3) / 3
-    free = (OUT < RADIUS) & (mound < K)
-    walls = (OUT >= RADIUS) & (OUT < RADIUS + 3) & (K >= LOW)
-    floor = (OUT < RADIUS) & (mound >= K) & (mound - 3 < K)
+    bound = np.minimum.reduce([X, Y, Z, SIDE - 1 - X, SIDE - 1 - Y, SIDE - 1 - Z]).clip(0, 3) / 3
+    free = (OUT < RADIUS) & (mound < Z)
+    walls = (OUT >= RADIUS) & (OUT < RADIUS + 3) & (Z >= LOW)
+    floor = (OUT < RADIUS) & (mound >= Z) & (mound - 3 < Z)
     field = np.where(free, -1.0, bound)
     weight = np.where(free, 9.0, np.where(walls, 5.0, np.where(floor, seen, 0.0)))
     return field, weight, bound.astype(float)
@@ -30,8 +30,8 @@ def test_a_mound_that_no_view_sees_is_cut_off_where_the_walls_end():
     field, weight, bound = well()
     air = find_unseen_air(field, weight, bound, NOTHING)
     left = (field > 0) & ~air & (OUT < RADIUS)
-    assert abs(K[air].min() - LOW) <= 2  # samples: a node of the graph
-    assert abs(K[left].max() - LOW) <= 2
+    assert abs(Z[air].min() - LOW) <= 2  # samples: a node of the graph
+    assert abs(Z[left].max() - LOW) <= 2
     assert OUT[air].max() < RADIUS
 
 
@@ -54,7 +54,7 @@ def test_a_solid_block_stays():
 
 
 def test_what_has_to_stay_stays():
-    held = (OUT < 6) & (K <= TOP)
+    held = (OUT < 6) & (Z <= TOP)
     air = find_unseen_air(*well(), held)
     assert not air[held].any()
     assert air.any()
@@ -64,4 +64,4 @@ def test_nothing_near_the_bound_is_air():
     """A well nearly as deep as the block: below its walls there are six samples."""
     deep = MOUND - LOW + 4
     air = find_unseen_air(*well(deep), NOTHING)
-    assert K[air].min() >= 3
+    assert Z[air].min() >= 3
