@@ -361,7 +361,7 @@ def _fill_outlines(scene: _Scene, new: trimesh.Trimesh) -> tuple[trimesh.Trimesh
         of this one, and whether it was ``mended``
     """
     before, after = map(scene.overlap, (scene.mesh, new))
-    if before - after > LOST and scene.mend:
+    if after < before and scene.mend:
         mended = scene.mend(new)
         iou = scene.overlap(mended)
         if iou > after:
