@@ -35,11 +35,11 @@ def find_unseen_air(
         bound: signed distance to the mesh, cut off at +-1
         solid: [grid] bool, samples that stay inside
     """
-    open_ = (field > 0) & (weight < HELD) & (bound >= 1) & ~solid
+    unsaid = (field > 0) & (weight < HELD) & (bound >= 1) & ~solid
     inside = field > 0
     count = _sum_blocks(inside)
     within = _sum_blocks(field) > 0
-    unseen = within & (_sum_blocks(inside & ~open_) < count / 2)
+    unseen = within & (_sum_blocks(inside & ~unsaid) < count / 2)
     unseen &= _sum_blocks(bound) >= BLOCK**3
     unseen = _touching(unseen, ~within)
     left = ~_part(unseen, within & ~unseen, ~within)
@@ -48,7 +48,7 @@ def find_unseen_air(
     air |= binary_dilation(air, AROUND) & ~within  # what little of a free block is left inside
     blocks = air.repeat(BLOCK, 0).repeat(BLOCK, 1).repeat(BLOCK, 2)
     taken[tuple(slice(n) for n in blocks.shape)] = blocks
-    return taken & open_
+    return taken & unsaid
 
 
 def _sum_blocks(values: np.ndarray) -> np.ndarray:
