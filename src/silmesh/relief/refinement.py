@@ -285,7 +285,8 @@ def solve(
     """Fuse the depths that do not contradict the silhouettes.
 
     Depths that see through pixels are struck which the mesh, as the grid has it, fills. About what
-    is missing then the mesh alone has a say; what is missing still is put back.
+    is missing then the mesh alone has a say; what is missing still is put back. Deep in a hollow,
+    where no view looks in, the surface is as small as it can be.
     """
     _, filled = cover(_settle_alone(bound, grid), bound, grid, masks, cameras)
     doubted = 0

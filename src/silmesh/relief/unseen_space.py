@@ -35,18 +35,16 @@ def find_unseen_air(
         bound: signed distance to the mesh, cut off at +-1
         solid: [grid] bool, samples that stay inside
     """
-    unsaid = (field > 0) & (weight < HELD) & (bound >= 1) & ~solid
     inside = field > 0
-    count = _sum_blocks(inside)
+    unsaid = inside & (weight < HELD) & (bound >= 1) & ~solid
     within = _sum_blocks(field) > 0
-    unseen = within & (_sum_blocks(inside & ~unsaid) < count / 2)
-    unseen &= _sum_blocks(bound) >= BLOCK**3
+    unseen = within & (_sum_blocks(bound) >= BLOCK**3)
+    unseen &= _sum_blocks(unsaid) > _sum_blocks(inside) / 2
     unseen = _touching(unseen, ~within)
-    left = ~_part(unseen, within & ~unseen, ~within)
-    taken = np.zeros(field.shape, bool)
-    air = unseen & left
+    air = unseen & ~_part(unseen, within & ~unseen, ~within)
     air |= binary_dilation(air, AROUND) & ~within  # what little of a free block is left inside
     blocks = air.repeat(BLOCK, 0).repeat(BLOCK, 1).repeat(BLOCK, 2)
+    taken = np.zeros(field.shape, bool)
     taken[tuple(slice(n) for n in blocks.shape)] = blocks
     return taken & unsaid
 
