@@ -780,7 +780,9 @@ class _Search:
 
         views, files = self.photographs.views, self.photographs.files
         settings = _check("calibrate", self.calibrate)
-        if not settings.always and (spared := spare_turntable(SOURCE, before, len(views))):
+        said = bool(self.turntable.strip() or self.sets.strip())
+        spared = spare_turntable(SOURCE, before, len(views), named=said)
+        if spared and not settings.always:
             return spared
         named = [view.view for view in views]
         return calibrate_sets(

@@ -7,7 +7,7 @@ import trimesh
 
 from silmesh.cameras.turntable import orbit_cameras
 from silmesh.geometry.camera import Cameras
-from silmesh.relief.covering import cover
+from silmesh.relief.covering import count_seers, cover
 from silmesh.relief.free_space import Grid, measure
 from silmesh.shapes.downsample import render
 
@@ -55,3 +55,26 @@ def test_what_is_seen_through_is_missing(camera, block):
     points = grid.points(np.argwhere(missing))
     assert len(points)
     assert (np.linalg.norm(points[:, :2], axis=1) < RADIUS + grid.spacing).all()
+
+
+def test_rays_see_what_they_come_squarely_on(camera, block):
+    """The front of the block, and no sample of its top or sides, along which rays pass."""
+    grid, field, shown = block
+    seen = np.argwhere(count_seers(field, grid, shown, camera))
+    towards = camera.centres[0].numpy() / DISTANCE
+    ahead = grid.points(seen) @ towards
+    assert len(seen) > 1_000
+    assert np.all(np.abs(ahead - 0.4) < 3 * grid.spacing)
+    assert count_seers(field, grid, shown, camera).max() == 1
+
+
+def test_rays_do_not_see_what_they_graze(block):
+    """From beside the block, half a degree above its top: the near side alone."""
+    grid, field, _ = block
+    flat = torch.zeros(1, dtype=torch.float64)
+    beside = orbit_cameras(["beside"], SIZE, flat + DISTANCE, flat + 9.7, flat)  # the top is at 0.4
+    seen = np.argwhere(count_seers(field, grid, np.ones((1, SIZE, SIZE), bool), beside))
+    eye = beside.centres[0].numpy()
+    level = np.array([eye[0], 0, eye[2]]) / np.hypot(eye[0], eye[2])
+    assert len(seen) > 500
+    assert np.all(np.abs(grid.points(seen) @ level - 0.4) < 4 * grid.spacing)

@@ -185,6 +185,23 @@ def test_a_surface_that_leaves_the_outlines_is_mended_if_it_can_be(dented: Scene
     assert not vain.notes["taken"]
 
 
+def test_a_surface_that_lost_a_trace_is_led_back_too(dented: Scene, monkeypatch) -> None:
+    """And is judged as it is where the photographs do not confirm the one that was led back."""
+    worn = make_ball(0.15)
+    worn.apply_scale(0.998)
+
+    def overlap(mesh: trimesh.Trimesh) -> float:
+        return 0.99 if np.linalg.norm(mesh.vertices, axis=1).max() > 0.3996 else 0.9895
+
+    monkeypatch.setattr(dented, "overlap", overlap)
+    found = judge(dented, make_ball(0.0), worn, mend=lambda mesh: make_ball(0.15))
+    assert found.notes["mended"]
+    assert np.allclose(found.mesh.vertices, make_ball(0.15).vertices, atol=1e-6)
+    wrong = judge(dented, make_ball(0.0), worn, mend=lambda mesh: make_ball(0.0))
+    assert wrong.notes["taken"], wrong.notes["because"]
+    assert not wrong.notes["mended"]
+
+
 @pytest.mark.parametrize(("last", "by_all"), [(0.15, True), (0.0, False)])
 def test_what_is_confirmed_is_made_of_all_photographs(
     dented: Scene, last: float, by_all: bool

@@ -65,3 +65,21 @@ def test_nothing_near_the_bound_is_air():
     deep = MOUND - LOW + 4
     air = find_unseen_air(*well(deep), NOTHING)
     assert Z[air].min() >= 3
+
+
+def test_a_hidden_hollow_in_one_piece_with_the_mound_stays():
+    """Deep below the mound, where no air is near: what is not reached is not asked."""
+    field, weight, bound = well()
+    field[30:34, 30:34, 6:10] = -0.5  # closed in all around, so free in name only
+    air = find_unseen_air(field, weight, bound, NOTHING)
+    assert Z[air].min() >= LOW - 2
+
+
+def test_a_post_that_views_see_without_depths_is_kept():
+    """A plain post on the floor of a patterned well: its surface is seen."""
+    field, weight, bound = well(np.full(OUT.shape, float(LOW)), seen=5.0)
+    post = (OUT < 5) & (LOW <= Z) & (Z < 40)
+    field[post], weight[post] = 1.0, 0.0
+    assert find_unseen_air(field, weight, bound, NOTHING)[post].all()
+    surface = post & ((OUT >= 3.5) | (Z >= 38))
+    assert not find_unseen_air(field, weight, bound, surface).any()

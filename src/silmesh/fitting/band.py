@@ -119,10 +119,10 @@ class Band:
     def __init__(self, level: BandLevel, points: Tensor, hinges: Hinges):
         self._points = points
         faces, mesh = hinges.faces, (hinges.faces.cpu().numpy(), hinges.ends, hinges.sides)
-        pixels, sums = points.cpu().numpy(), level.sums
+        pixels, sums, outlines = points.cpu().numpy(), level.sums, level.outlines
 
         def want(view: int) -> np.ndarray:
-            found = level.outlines[view].copy()
+            found = outlines[view].copy()
             _mark_contour(found, pixels[view], *mesh)
             return _pool(found)
 

@@ -131,8 +131,9 @@ def _look_cubic(image, places, out):
     height, width, channels = image.shape
     for j in range(len(out)):
         x, y = places[j]
-        if not (1 <= x < width - 2 and 1 <= y < height - 2):  # in a function of its own, or sums
-            _look_at_edge(image, x, y, out[j])  # and shares would leave their registers here
+        # The edge has a function of its own, or sums and shares would not stay in registers here.
+        if not (1 <= x < width - 2 and 1 <= y < height - 2):
+            _look_at_edge(image, x, y, out[j])
             continue
         left, top = int(x), int(y)
         a, b, c, d = _weigh(np.float32(x - left))

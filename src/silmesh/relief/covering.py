@@ -13,6 +13,7 @@ import torch
 from numba import njit
 from scipy.ndimage import binary_dilation
 
+from silmesh.ahead import ahead
 from silmesh.geometry.camera import Cameras
 from silmesh.relief.depths import Depths
 from silmesh.relief.free_space import BAND, Grid
@@ -22,6 +23,8 @@ from silmesh.relief.sights import Sights
 WIDE = 3  # voxels by which what is missing grows before it strikes depths: a window's reach
 STEP = 0.5  # voxels between samples of a ray
 PUT_BACK = 0.1  # the field where something is put back, in BANDs
+# A ray that comes squarely on a surface is DEEP inside, in BANDs, after so many voxels.
+DEEP, SOON = 0.5, 3.0
 
 
 def cover(
@@ -43,13 +46,30 @@ def cover(
     missing, filled = np.zeros(grid.shape, bool), np.zeros_like(silhouettes)
 
     def follow(i: int) -> None:
-        to_grid = np.linalg.inv(cameras.K[i].numpy()).T @ cameras.R[i].numpy() / grid.spacing
-        eye = (cameras.centres[i].numpy() - grid.origin) / grid.spacing
-        _follow(field, bound, missing, filled[i], silhouettes[i], eye, to_grid)
+        _follow(field, bound, missing, filled[i], silhouettes[i], *_place(grid, cameras, i))
 
     with ThreadPoolExecutor(torch.get_num_threads()) as pool:
         list(pool.map(follow, range(len(cameras))))
     return missing, filled
+
+
+def count_seers(
+    field: np.ndarray, grid: Grid, silhouettes: np.ndarray, cameras: Cameras
+) -> np.ndarray:
+    """How many views see each sample of the surface, not grazing it: [grid] int.
+
+    Arguments are those of ``cover``.
+    """
+
+    def watch(i: int) -> np.ndarray:
+        seen = np.zeros(grid.shape, bool)
+        _watch(field, seen, silhouettes[i], *_place(grid, cameras, i))
+        return seen
+
+    counts = np.zeros(grid.shape, np.int16)
+    for seen in ahead(watch, range(len(cameras)), torch.get_num_threads()):
+        counts += seen
+    return counts
 
 
 def strike(
@@ -69,6 +89,12 @@ def strike(
 
     with ThreadPoolExecutor(torch.get_num_threads()) as pool:
         return sum(pool.map(pass_through, range(len(votes))))
+
+
+def _place(grid: Grid, cameras: Cameras, i: int) -> tuple[np.ndarray, np.ndarray]:
+    """Where a view's camera stands in the grid, and ``to_grid`` as ``_strike`` has it."""
+    to_grid = np.linalg.inv(cameras.K[i].numpy()).T @ cameras.R[i].numpy() / grid.spacing
+    return (cameras.centres[i].numpy() - grid.origin) / grid.spacing, to_grid
 
 
 @njit(**OPTIONS)
@@ -111,14 +137,7 @@ def _follow(field, bound, missing, filled, silhouette, eye, to_grid):
             if not silhouette[r, c]:
                 continue
             way = (c + 0.5) * to_grid[0] + (r + 0.5) * to_grid[1] + to_grid[2]
-            way /= np.sqrt((way * way).sum())
-            first, last = 0.0, np.inf
-            for axis in range(3):
-                if abs(way[axis]) < 1e-9:
-                    continue
-                a = (0 - eye[axis]) / way[axis]
-                b = (shape[axis] - 1.001 - eye[axis]) / way[axis]
-                first, last = max(first, min(a, b)), min(last, max(a, b))
+            first, last = _enter(way, eye, shape)
             best, known = -2.0, False
             i = j = k = 0
             at = first
@@ -138,3 +157,45 @@ def _follow(field, bound, missing, filled, silhouette, eye, to_grid):
                 filled[r, c] = True
             elif known:
                 missing[i, j, k] = True
+
+
+@njit(**OPTIONS)
+def _watch(field, seen, silhouette, eye, to_grid):
+    """Mark what the rays of a silhouette's pixels come squarely on."""
+    height, width = silhouette.shape
+    for r in range(height):
+        for c in range(width):
+            if not silhouette[r, c]:
+                continue
+            way = (c + 0.5) * to_grid[0] + (r + 0.5) * to_grid[1] + to_grid[2]
+            at, last = _enter(way, eye, field.shape)
+            entered = -1.0
+            i = j = k = 0
+            while at < last:
+                x = int(eye[0] + at * way[0] + 0.5)
+                y = int(eye[1] + at * way[1] + 0.5)
+                z = int(eye[2] + at * way[2] + 0.5)
+                if field[x, y, z] <= 0:
+                    entered = -1.0
+                elif entered < 0:
+                    entered = at
+                    i, j, k = x, y, z
+                if field[x, y, z] > DEEP:
+                    if at - entered <= SOON:
+                        seen[i, j, k] = seen[x, y, z] = True
+                    break
+                at += STEP
+
+
+@njit(**OPTIONS)
+def _enter(way, eye, shape):
+    """Where a ray enters and leaves the grid; its direction ``way`` gets length 1, in place."""
+    way /= np.sqrt((way * way).sum())
+    first, last = 0.0, np.inf
+    for axis in range(3):
+        if abs(way[axis]) < 1e-9:
+            continue
+        a = (0 - eye[axis]) / way[axis]
+        b = (shape[axis] - 1.001 - eye[axis]) / way[axis]
+        first, last = max(first, min(a, b)), min(last, max(a, b))
+    return first, last

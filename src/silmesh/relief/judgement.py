@@ -144,9 +144,32 @@ class _Proposal:
 
 
 def _judge(relief: Relief, scene: _Scene, held: Sequence[int], used: Sequence[int]) -> _Proposal:
-    """Whether a refined surface predicts the photographs at ``held`` better."""
-    refined, notes = _fill_outlines(scene, _as_written(relief))
-    standing = relief.standing
+    """Whether a refined surface predicts the photographs at ``held`` better.
+
+    It is judged as it was led back to the outlines. Where it lost a trace of them only, and is not
+    confirmed so, it is judged as it is.
+    """
+    new = _as_written(relief)
+    before, after = map(scene.overlap, (scene.mesh, new))
+    as_is = new, {"iou": _pair(before, after), "mended": False}
+    mended = _lead_back(scene, new, before, after)
+    if mended is None:
+        return _weigh(*as_is, relief.standing, scene, held, used)
+    found = _weigh(*mended, relief.standing, scene, held, used)
+    if found.better or before - after > LOST:
+        return found
+    return _weigh(*as_is, relief.standing, scene, held, used)
+
+
+def _weigh(
+    refined: trimesh.Trimesh,
+    notes: dict[str, Any],
+    standing: np.ndarray,
+    scene: _Scene,
+    held: Sequence[int],
+    used: Sequence[int],
+) -> _Proposal:
+    """The same of a surface, once its ends are spanned; its ``notes`` begin with its ``iou``."""
     if scene.span:
         spanned = scene.span(refined)
         moved = (spanned.vertices != refined.vertices).any(axis=1)
@@ -350,23 +373,24 @@ def _pair(before: Any, after: Any) -> dict[str, Any]:
     return {"before": before, "after": after}
 
 
-def _fill_outlines(scene: _Scene, new: trimesh.Trimesh) -> tuple[trimesh.Trimesh, dict[str, Any]]:
-    """Mend a refined surface if it does not fill the silhouettes as the old one does.
+def _lead_back(
+    scene: _Scene, new: trimesh.Trimesh, before: float, after: float
+) -> tuple[trimesh.Trimesh, dict[str, Any]] | None:
+    """A refined surface mended, if it does not fill the silhouettes as the old one does.
 
     A surface between depths ends a part of a pixel within the outlines, and an old mesh may follow
     each step of the masks' pixels.
 
+    Args:
+        before, after: IoU with the silhouettes, of the old surface and of the new one
     Returns:
-        the surface, as it was if that does not help; and the notes ``iou`` of the old surface and
-        of this one, and whether it was ``mended``
+        the surface, and the notes ``iou`` and ``mended``; None if it is not mended or no better
     """
-    before, after = map(scene.overlap, (scene.mesh, new))
-    if after < before and scene.mend:
-        mended = scene.mend(new)
-        iou = scene.overlap(mended)
-        if iou > after:
-            return mended, {"iou": _pair(before, iou), "mended": True}
-    return new, {"iou": _pair(before, after), "mended": False}
+    if after >= before or not scene.mend:
+        return None
+    mended = scene.mend(new)
+    iou = scene.overlap(mended)
+    return (mended, {"iou": _pair(before, iou), "mended": True}) if iou > after else None
 
 
 def _decide(iou: dict[str, float], seen: dict[str, Any]) -> tuple[str, bool]:

@@ -13,7 +13,7 @@ from silmesh.geometry.camera import Cameras
 from silmesh.geometry.originals import Originals
 from silmesh.geometry.small_images import LARGEST, shrink
 from silmesh.progress import Share, untold, within
-from silmesh.relief.covering import PUT_BACK, cover, strike
+from silmesh.relief.covering import PUT_BACK, count_seers, cover, strike
 from silmesh.relief.depths import (
     Depths,
     cast_rays,
@@ -41,6 +41,7 @@ FIRST = 0.5  # of these for the first surface, of depths at half the size
 DOUBTS = 2  # rounds in which depths that others see through are left out
 FADES = 2  # most rounds in which views lose their say about what is missing still
 AROUND = np.ones((3, 3, 3), bool)  # voxels about a missing one
+SEERS = 2  # views that see a place, of which then something is known without a depth
 VERTICES = 16_000  # of the refined surface, if the mesh has no more
 FEW = 0.03  # share of the pixels that see the mesh: fewer depths say too little
 DENIED = 0.3  # share of those with texture, of which fewer with a depth are gloss,
@@ -300,15 +301,16 @@ def solve(
     if struck:
         weight, mean, close = fuse(sights, found, votes, bound, grid)
         solid, missing = _fill(weight, mean, *outlines)
-    faded = np.zeros(grid.shape, bool)
+    kept = np.zeros(grid.shape, bool)
     for _ in range(FADES):
         if not missing.any():
             break
         around = binary_dilation(missing, AROUND)
         weight[around] = close[around] = 0
-        faded |= around
+        kept |= around
         solid, missing = _fill(weight, mean, *outlines)
-    air = find_unseen_air(solid, weight, bound, faded)
+    kept |= count_seers(solid, grid, filled, cameras) >= SEERS
+    air = find_unseen_air(solid, weight, bound, kept)
     if air.any():
         weight[air], mean[air] = ENOUGH, -1
         solid, missing = _fill(weight, mean, *outlines)

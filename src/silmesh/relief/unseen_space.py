@@ -1,4 +1,4 @@
-"""Where no view looks in: the space behind a hollow's seen walls is bounded by little surface.
+"""Where no view looks in: the space between a hollow's seen walls is bounded by little surface.
 
 Views see down the walls of a hollow as far as its rim lets them, so that what they find free ends
 in a mound of what none of them sees, with an edge for each view. Nothing tells what is there. Taken
@@ -11,36 +11,38 @@ from collections.abc import Iterator
 from itertools import product
 
 import numpy as np
-from scipy.ndimage import binary_dilation, label
+from scipy.ndimage import binary_dilation, distance_transform_edt, label
 
 from silmesh.geometry.minimum_cut import cut_graph
 from silmesh.relief.free_space import HELD
 
 BLOCK = 2  # samples along the side of a node of the graph
+REACH = 16.0  # nodes from what is free, within which a membrane is sought
 AROUND = np.ones((3, 3, 3), bool)
 # Half of the 26 neighbours of a node; the others have it among theirs.
 HALF = [step for step in product((-1, 0, 1), repeat=3) if step > (0, 0, 0)]
 
 
 def find_unseen_air(
-    field: np.ndarray, weight: np.ndarray, bound: np.ndarray, solid: np.ndarray
+    field: np.ndarray, weight: np.ndarray, bound: np.ndarray, kept: np.ndarray
 ) -> np.ndarray:
-    """Which samples inside a surface are outside of the least one: [grid] bool.
+    """Which samples inside a surface lie outside the least one: [grid] bool.
 
-    They are such of which no view says enough, as far inside the bound as it is measured.
+    Such are only those of which views say less than one depth does, and that lie deeper within the
+    bound than it is measured.
 
     Args:
         field: [grid], positive inside the surface
         weight: of what views say
         bound: signed distance to the mesh, cut off at +-1
-        solid: [grid] bool, samples that stay inside
+        kept: [grid] bool, samples that stay inside, as views see them though without a depth
     """
     inside = field > 0
-    unsaid = inside & (weight < HELD) & (bound >= 1) & ~solid
+    unsaid = inside & (weight < HELD) & (bound >= 1) & ~kept
     within = _sum_blocks(field) > 0
     unseen = within & (_sum_blocks(bound) >= BLOCK**3)
     unseen &= _sum_blocks(unsaid) > _sum_blocks(inside) / 2
-    unseen = _touching(unseen, ~within)
+    unseen = _reach(unseen, ~within)
     air = unseen & ~_part(unseen, within & ~unseen, ~within)
     air |= binary_dilation(air, AROUND) & ~within  # what little of a free block is left inside
     blocks = air.repeat(BLOCK, 0).repeat(BLOCK, 1).repeat(BLOCK, 2)
@@ -57,16 +59,22 @@ def _sum_blocks(values: np.ndarray) -> np.ndarray:
     return whole.reshape(sides).sum(axis=(1, 3, 5))
 
 
-def _touching(unseen: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """The parts of what is unseen that border on what is free."""
-    parts, number = label(unseen, AROUND)
+def _reach(unseen: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """What is unseen within REACH of what is free, and hangs together with it."""
+    near = unseen & (distance_transform_edt(~free) <= REACH)
+    parts, number = label(near, AROUND)
     touched = np.zeros(number + 1, bool)
-    touched[parts[binary_dilation(free, AROUND) & unseen]] = True
-    return touched[parts] & unseen
+    touched[parts[binary_dilation(free, AROUND) & near]] = True
+    return touched[parts] & near
 
 
 def _part(unseen: np.ndarray, solid: np.ndarray, free: np.ndarray) -> np.ndarray:
-    """Which unseen nodes a minimum cut leaves with what is solid: [nodes along x, y, z] bool."""
+    """Which unseen nodes a minimum cut leaves with the solid ones: [nodes along x, y, z] bool.
+
+    Args:
+        unseen: [nodes along x, y, z] bool, those that are parted
+        solid, free: those that are on the one side and on the other in any case
+    """
     index = np.full(unseen.shape, -1)
     index[unseen] = np.arange(unseen.sum())
     odds, near, far, weights = np.zeros(unseen.sum()), [], [], []

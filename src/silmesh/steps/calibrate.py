@@ -44,7 +44,9 @@ def main(argv: Sequence[str] | None = None) -> None:
     torch.set_num_threads(given.threads)
     views = read_views(given.views)
     before = [read_attempt(folder) for folder in given.unless]
-    attempt = spare_turntable(SOURCE, before, len(views)) or calibrate_sets(
+    known = (given.step, given.elevation, given.distance, given.rounds, given.sets)
+    spared = spare_turntable(SOURCE, before, len(views), named=any(known))
+    attempt = spared or calibrate_sets(
         read_silhouettes(given.silhouettes, [view.view for view in views]),
         views,
         given.sets,
