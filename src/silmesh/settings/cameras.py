@@ -29,7 +29,7 @@ class Calibrate(Section):
     always: Truth = Field(
         False,
         description="with cameras 'auto', also where COLMAP's cameras of all photographs leave "
-        "little to gain",
+        "little to gain or show that there was no turntable",
     )
 
 
