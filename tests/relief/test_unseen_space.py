@@ -83,3 +83,22 @@ def test_a_post_that_views_see_without_depths_is_kept():
     assert find_unseen_air(field, weight, bound, NOTHING)[post].all()
     surface = post & ((OUT >= 3.5) | (Z >= 38))
     assert not find_unseen_air(field, weight, bound, surface).any()
+
+
+def test_what_stands_in_a_mound_is_not_severed():
+    """Of a spoon that leans on nothing the lower end is hidden, as the mound about it is."""
+    field, weight, bound = well()
+    spoon = (OUT < 4) & (TOP - 6 <= Z) & (Z < 58)
+    field[spoon], weight[spoon] = 1.0, 0.0
+    seen = spoon & ((OUT >= 2.5) | (Z >= 56)) & (TOP <= Z)
+    assert seen.sum() > 200
+    assert not find_unseen_air(field, weight, bound, seen).any()
+    speck = seen & (Z < TOP + 2)
+    assert find_unseen_air(field, weight, bound, speck).any()
+
+
+def test_of_nothing_nothing_is_air():
+    for shape in ((1, 2, 3), (8, 8, 8)):
+        free = np.full(shape, -1.0)
+        assert not find_unseen_air(free, -free, free, free > 0).any()
+        assert not find_unseen_air(-free, 0 * free, -free, free > 0).any()

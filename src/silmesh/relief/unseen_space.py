@@ -18,6 +18,7 @@ from silmesh.relief.free_space import HELD
 
 BLOCK = 2  # samples along the side of a node of the graph
 REACH = 16.0  # nodes from what is free, within which a membrane is sought
+SPECK = 100  # samples that views see, of which what is severed may have so many
 AROUND = np.ones((3, 3, 3), bool)
 # Half of the 26 neighbours of a node; the others have it among theirs.
 HALF = [step for step in product((-1, 0, 1), repeat=3) if step > (0, 0, 0)]
@@ -29,7 +30,8 @@ def find_unseen_air(
     """Which samples inside a surface lie outside the least one: [grid] bool.
 
     Such are only those of which views say less than one depth does, and that lie deeper within the
-    bound than it is measured.
+    bound than it is measured. There are none if they would sever from the surface what views see:
+    of a spoon in a cup no view sees the lower end.
 
     Args:
         field: [grid], positive inside the surface
@@ -48,7 +50,15 @@ def find_unseen_air(
     blocks = air.repeat(BLOCK, 0).repeat(BLOCK, 1).repeat(BLOCK, 2)
     taken = np.zeros(field.shape, bool)
     taken[tuple(slice(n) for n in blocks.shape)] = blocks
-    return taken & unsaid
+    taken &= unsaid
+    severed = _find_largest(inside) & ~taken & ~_find_largest(inside & ~taken)
+    return taken & ((severed & kept).sum() <= SPECK)
+
+
+def _find_largest(inside: np.ndarray) -> np.ndarray:
+    """The largest part of what is inside: [grid] bool."""
+    parts, number = label(inside)
+    return parts == 1 + np.argmax(np.bincount(parts.ravel(), minlength=number + 2)[1:])
 
 
 def _sum_blocks(values: np.ndarray) -> np.ndarray:
