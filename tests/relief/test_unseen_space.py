@@ -91,7 +91,7 @@ def test_what_stands_in_a_mound_is_not_severed():
     spoon = (OUT < 4) & (TOP - 6 <= Z) & (Z < 58)
     field[spoon], weight[spoon] = 1.0, 0.0
     seen = spoon & ((OUT >= 2.5) | (Z >= 56)) & (TOP <= Z)
-    assert seen.sum() > 200
+    assert seen.sum() > 500
     assert not find_unseen_air(field, weight, bound, seen).any()
     speck = seen & (Z < TOP + 2)
     assert find_unseen_air(field, weight, bound, speck).any()

@@ -41,7 +41,7 @@ FIRST = 0.5  # of these for the first surface, of depths at half the size
 DOUBTS = 2  # rounds in which depths that others see through are left out
 FADES = 2  # most rounds in which views lose their say about what is missing still
 AROUND = np.ones((3, 3, 3), bool)  # voxels about a missing one
-SEERS = 2  # views that see a place, of which then something is known without a depth
+SEERS = 0.15  # of the views, two at least: what they see is there, though without a depth
 VERTICES = 16_000  # of the refined surface, if the mesh has no more
 FEW = 0.03  # share of the pixels that see the mesh: fewer depths say too little
 DENIED = 0.3  # share of those with texture, of which fewer with a depth are gloss,
@@ -309,7 +309,7 @@ def solve(
         weight[around] = close[around] = 0
         kept |= around
         solid, missing = _fill(weight, mean, *outlines)
-    kept |= count_seers(solid, grid, filled, cameras) >= SEERS
+    kept |= count_seers(solid, grid, filled, cameras) >= max(2, SEERS * len(cameras))
     air = find_unseen_air(solid, weight, bound, kept)
     if air.any():
         weight[air], mean[air] = ENOUGH, -1
