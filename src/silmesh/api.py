@@ -780,10 +780,10 @@ class _Search:
 
         views, files = self.photographs.views, self.photographs.files
         settings = _check("calibrate", self.calibrate)
-        said = bool(self.turntable.strip() or self.sets.strip())
-        spared = spare_turntable(SOURCE, before, len(views), named=said)
-        if spared and not settings.always:
-            return spared
+        if not settings.always:
+            said = bool(self.turntable.strip() or self.sets.strip())
+            if spared := spare_turntable(SOURCE, before, len(views), named=said):
+                return spared
         named = [view.view for view in views]
         return calibrate_sets(
             self.found.silhouettes,

@@ -83,23 +83,21 @@ def strike(
     wide = binary_dilation(missing, iterations=WIDE)
 
     def pass_through(i: int) -> int:
-        to_grid = np.linalg.inv(sights.K[i]).T @ sights.R[i] / grid.spacing
-        eye = (sights.centres[i] - grid.origin) / grid.spacing
-        return _strike(votes[i], found.depth[i], wide, eye, to_grid)
+        placed = grid.place(sights.K[i], sights.R[i], sights.centres[i])
+        return _strike(votes[i], found.depth[i], wide, *placed)
 
     with ThreadPoolExecutor(torch.get_num_threads()) as pool:
         return sum(pool.map(pass_through, range(len(votes))))
 
 
 def _place(grid: Grid, cameras: Cameras, i: int) -> tuple[np.ndarray, np.ndarray]:
-    """Where a view's camera stands in the grid, and ``to_grid`` as ``_strike`` has it."""
-    to_grid = np.linalg.inv(cameras.K[i].numpy()).T @ cameras.R[i].numpy() / grid.spacing
-    return (cameras.centres[i].numpy() - grid.origin) / grid.spacing, to_grid
+    """A view's camera, as ``Grid.place`` gives it."""
+    return grid.place(cameras.K[i].numpy(), cameras.R[i].numpy(), cameras.centres[i].numpy())
 
 
 @njit(**OPTIONS)
 def _strike(votes, depth, missing, eye, to_grid):
-    """The same for one view; ``to_grid`` takes pixels to what a depth of 1 is in the grid."""
+    """The same for one view; ``eye`` and ``to_grid`` are as ``Grid.place`` gives them."""
     height, width = depth.shape
     struck = 0
     for r in range(height):
@@ -126,10 +124,7 @@ def _strike(votes, depth, missing, eye, to_grid):
 
 @njit(**OPTIONS)
 def _follow(field, bound, missing, filled, silhouette, eye, to_grid):
-    """Mark pixels whose rays meet something, and the best sample of the others within the bound.
-
-    ``to_grid`` is as ``_strike`` has it.
-    """
+    """Mark pixels whose rays meet something, and the best sample of the others within the bound."""
     shape = field.shape
     height, width = silhouette.shape
     for r in range(height):
@@ -142,9 +137,7 @@ def _follow(field, bound, missing, filled, silhouette, eye, to_grid):
             i = j = k = 0
             at = first
             while at < last:
-                x = int(eye[0] + at * way[0] + 0.5)
-                y = int(eye[1] + at * way[1] + 0.5)
-                z = int(eye[2] + at * way[2] + 0.5)
+                x, y, z = _find_sample(eye, at, way)
                 if bound[x, y, z] > 0:
                     known = True
                     if field[x, y, z] > best:
@@ -172,9 +165,7 @@ def _watch(field, seen, silhouette, eye, to_grid):
             entered = -1.0
             i = j = k = 0
             while at < last:
-                x = int(eye[0] + at * way[0] + 0.5)
-                y = int(eye[1] + at * way[1] + 0.5)
-                z = int(eye[2] + at * way[2] + 0.5)
+                x, y, z = _find_sample(eye, at, way)
                 if field[x, y, z] <= 0:
                     entered = -1.0
                 elif entered < 0:
@@ -199,3 +190,13 @@ def _enter(way, eye, shape):
         b = (shape[axis] - 1.001 - eye[axis]) / way[axis]
         first, last = max(first, min(a, b)), min(last, max(a, b))
     return first, last
+
+
+@njit(**OPTIONS)
+def _find_sample(eye, at, way):
+    """The sample that is nearest to a place of a ray within the grid."""
+    return (
+        int(eye[0] + at * way[0] + 0.5),
+        int(eye[1] + at * way[1] + 0.5),
+        int(eye[2] + at * way[2] + 0.5),
+    )

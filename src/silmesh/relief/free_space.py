@@ -67,6 +67,18 @@ class Grid:
         """World points of samples [n, 3]."""
         return self.origin + index * self.spacing
 
+    def place(
+        self, K: np.ndarray, R: np.ndarray, centre: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Where a camera stands among the samples, and what takes pixels to a depth of 1 there.
+
+        Args:
+            K, R, centre: [3, 3], [3, 3] and [3], of the camera
+        Returns:
+            [3]; [3, 3], by which (column, row, 1) is multiplied from the left
+        """
+        return (centre - self.origin) / self.spacing, np.linalg.inv(K).T @ R / self.spacing
+
 
 def measure(mesh: trimesh.Trimesh, grid: Grid) -> np.ndarray:
     """Signed distance to a closed mesh over BAND voxels, cut off at +-1: [grid] float32.
@@ -184,9 +196,8 @@ def doubt(
     """
 
     def look_up(i: int) -> int:
-        to_grid = np.linalg.inv(sights.K[i]).T @ sights.R[i] / grid.spacing
-        eye = (sights.centres[i] - grid.origin) / grid.spacing
-        return _doubt(votes[i], found.depth[i], weight, close, eye, to_grid)
+        placed = grid.place(sights.K[i], sights.R[i], sights.centres[i])
+        return _doubt(votes[i], found.depth[i], weight, close, *placed)
 
     with ThreadPoolExecutor(torch.get_num_threads()) as pool:
         return sum(pool.map(look_up, range(len(votes))))
@@ -194,7 +205,7 @@ def doubt(
 
 @njit(**OPTIONS)
 def _doubt(votes, depth, weight, close, eye, to_grid):
-    """The same for one view; ``to_grid`` takes pixels to what a depth of 1 is in the grid."""
+    """The same for one view; ``eye`` and ``to_grid`` are as ``Grid.place`` gives them."""
     height, width = depth.shape
     gone = 0
     for r in range(height):

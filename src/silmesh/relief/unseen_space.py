@@ -53,6 +53,8 @@ def find_unseen_air(
     taken = np.zeros(field.shape, bool)
     taken[tuple(slice(n) for n in blocks.shape)] = blocks
     taken &= unsaid
+    if not taken.any():
+        return taken
     severed = _find_largest(inside) & ~taken & ~_find_largest(inside & ~taken)
     parts, number = label(severed)
     seen = np.bincount(parts[severed & kept], minlength=number + 1)
