@@ -397,17 +397,28 @@ def _field(number: int, value: bytes | str | int) -> bytes:
     return _varint(number << 3 | 2) + _varint(len(value)) + value
 
 
-def foreground_model(size: int = 8) -> bytes:
-    """An ONNX model that takes an image [1, 3, size, size] and gives its brightest colour."""
+def foreground_model(size: int = 8, channels: int = 3, batch: int | str = 1) -> bytes:
+    """An ONNX model that takes an image [1, 3, size, size] and gives its brightest colour.
 
-    def described(name: str, shape: list[int]) -> bytes:
-        sides = b"".join(_field(1, _field(1, side)) for side in shape)
+    It adds a weight of 0 to it.
+
+    Args:
+        batch: photographs at once, or a name for their number
+    """
+
+    def described(name: str, shape: list[int | str]) -> bytes:
+        sides = b"".join(
+            _field(1, _field(2 if isinstance(side, str) else 1, side)) for side in shape
+        )
         return _field(1, name) + _field(2, _field(1, _field(1, 1) + _field(2, sides)))  # of float
 
     axes = _field(1, "axes") + _field(8, 1) + _field(20, 7)  # whole numbers
-    node = _field(1, "x") + _field(2, "y") + _field(4, "ReduceMax") + _field(5, axes)
-    graph = _field(1, node) + _field(2, "g") + _field(11, described("x", [1, 3, size, size]))
-    graph += _field(12, described("y", [1, 1, size, size]))
+    brightest = _field(1, "x") + _field(2, "z") + _field(4, "ReduceMax") + _field(5, axes)
+    add = _field(1, "z") + _field(1, "w") + _field(2, "y") + _field(4, "Add")
+    weight = _field(1, 1) + _field(2, 1) + _field(8, "w") + _field(9, bytes(4))  # a float
+    graph = _field(1, brightest) + _field(1, add) + _field(2, "g") + _field(5, weight)
+    graph += _field(11, described("x", [batch, channels, size, size]))
+    graph += _field(12, described("y", [batch, 1, size, size]))
     return _field(1, 7) + _field(7, graph) + _field(8, _field(1, "") + _field(2, 11))
 
 
@@ -415,27 +426,11 @@ def _foreground() -> Reader:
     from silmesh.silhouettes.matting import _ask, open_model
 
     def read(folder: Path) -> None:
-        session = open_model(folder / "m.onnx", 1)
-        size = session.get_inputs()[0].shape[2:]
-        _ask(session, str(folder / "m.onnx"), np.zeros((1, 3, *size), np.float32))
+        model = open_model(folder / "m.onnx", 1)
+        size = tuple(side.get_length() for side in model.input(0).partial_shape)[2:]
+        _ask(model, str(folder / "m.onnx"), np.zeros((1, 3, *size), np.float32))
 
-    return Reader("onnx foreground", {"m.onnx": foreground_model()}, read, share=0.3)
-
-
-def _onnx(name: str) -> Reader | None:
-    import onnxruntime
-
-    from silmesh.silhouettes.matting import open_model
-
-    file = Path(onnxruntime.__file__).parent / "datasets" / name
-    if not file.is_file():
-        return None
-    return Reader(
-        f"onnx {name}",
-        {"m.onnx": file.read_bytes()},
-        lambda folder: open_model(folder / "m.onnx", 1),
-        share=0.3,
-    )
+    return Reader("foreground", {"m.onnx": foreground_model()}, read, share=0.6)
 
 
 CONFIGURATION = b"""# a run
@@ -524,7 +519,6 @@ def readers() -> tuple[Reader, ...]:
     """All of them."""
     # What the formats' own code raises is to be found, not made a refusal of.
     formats.reading = lambda path, what: nullcontext()
-    optional = [_onnx(name) for name in ("sigmoid.onnx", "mul_1.onnx", "logreg_iris.onnx")]
     return (
         *_cameras(),
         *_meshes(),
@@ -539,5 +533,4 @@ def readers() -> tuple[Reader, ...]:
         _published(),
         _video(),
         _foreground(),
-        *filter(None, optional),
     )

@@ -36,7 +36,7 @@ SECONDS = {
     "figure": (3.0, 0.0),
 }
 OTHER = (3.0, 0.0)  # a step that is not listed
-NETWORKS = {"matting": 3.0, "deeplab": 0.2}  # seconds a photograph, of silhouettes
+NETWORKS = {"matting": 0.6, "deeplab": 0.2}  # seconds a photograph, of silhouettes
 LATE = 0.1  # of its usual time: estimate of the rest of a job that takes longer than usual
 # Letters of a bar, and of a narrow terminal's; a terminal of WIDE letters gets the long one.
 LONG, SHORT, WIDE = 20, 8, 72

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 FEWEST_FITTED = 2  # views
 OPAQUE = (".jpg", ".jpeg", ".bmp")  # formats without an alpha channel
-MATTING = "onnxruntime"  # the library that runs the foreground model
+MATTING = "openvino"  # the library that runs the foreground model
 TRITON = "triton"  # the library that compiles the GPU's kernel
 CHECKPOINT = (b"PK\x03\x04", b"\x80")  # how a file of torch's begins: a zip, or a pickle
 

@@ -3,9 +3,12 @@
 The model sees each photograph from its file, not the working image, squeezed to the square that it
 works at, as (rgb - 128) / 256. Its first output is alpha, which is resized to the working image and
 cut at one half. One photograph is in memory at a time, a JPEG no larger than the model needs.
+OpenVINO runs it, in bfloat16 where the processor computes in it.
 """
 
+import sys
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,10 +21,10 @@ from silmesh.silhouettes.weights import find_weights
 from silmesh.views import View, read_photograph
 
 if TYPE_CHECKING:
-    from onnxruntime import InferenceSession
+    from openvino import CompiledModel, ConstOutput
 
 
-FLOAT = "tensor(float)"  # as onnxruntime calls it
+FLOAT = "f32"  # as OpenVINO calls it
 WIDEST = 4096  # pixels of what a model looks at
 
 
@@ -31,7 +34,7 @@ def find_all(
     """The silhouette of each view in turn, [size, size] bool.
 
     Args:
-        threads: of onnxruntime; one if not given
+        threads: of OpenVINO; one if not given
 
     Raises:
         InputError: the weights or a photograph cannot be used
@@ -44,15 +47,14 @@ def find_alphas(
     views: Sequence[View], settings: Matting, threads: int = 1
 ) -> Iterator[Image.Image]:
     """What the model gives of each photograph in turn: 8-bit grey, over its field of view."""
-    session = open_model(find_weights(settings.model), threads)
-    taken = session.get_inputs()[0]
+    model = open_model(find_weights(settings.model), threads)
+    size = _describe(model.input(0))[1][2:]
     for view in views:
-        shown = _show(view, taken.shape[2:])
-        alpha = _ask(session, settings.model, shown)
+        alpha = _ask(model, settings.model, _show(view, size))
         yield Image.fromarray((255 * alpha.clip(0, 1)).round().astype(np.uint8))
 
 
-def _show(view: View, size: tuple[int, int]) -> np.ndarray:
+def _show(view: View, size: Sequence[int]) -> np.ndarray:
     """A photograph as the model sees it: [1, 3, height, width] float32."""
     height, width = size
     photograph = read_photograph(view, (width, height)).convert("RGB")
@@ -60,32 +62,60 @@ def _show(view: View, size: tuple[int, int]) -> np.ndarray:
     return (np.asarray(squeezed, np.float32).transpose(2, 0, 1)[None] - 128) / 256
 
 
-def open_model(weights: Path, threads: int) -> "InferenceSession":
+def open_model(weights: Path, threads: int) -> "CompiledModel":
     """Load a foreground model: an image [1, 3, height, width] in, first [1, 1, height, width] out.
 
+    What only its further outputs need is left out.
+
     Raises:
-        InputError: onnxruntime is not installed, the file is no ONNX model or truncated, or the
-            model is of another kind
+        InputError: OpenVINO is not installed, the file is no ONNX model or truncated, or the model
+            is of another kind
     """
-    onnxruntime = _import_onnxruntime()
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = threads
-    options.log_severity_level = 4
-    try:
-        session = onnxruntime.InferenceSession(weights, options, providers=["CPUExecutionProvider"])
-        taken = [(part.type, part.shape) for part in session.get_inputs()]
-        given = [(part.type, part.shape) for part in session.get_outputs()]
-    except Exception as error:  # its own classes share no other base
-        raise InputError(
-            f"{weights}: cannot be loaded as an ONNX model; it may be truncated: {explain(error)}"
-        ) from error
+    openvino = _import_openvino()
+    with _loading(weights):
+        reader = openvino.frontend.FrontEndManager().load_by_framework("onnx")
+        model = reader.convert(reader.load(str(weights)))
+    taken, given = ([_describe(port) for port in ports] for ports in (model.inputs, model.outputs))
     if not _suits(taken, given):
         raise InputError(
             f"{weights}: is a model of another kind: it takes {shorten(taken)} and gives "
             f"{shorten(given)}; should take one image of [1, 3, height, width] in float, of a "
             "fixed size, and give its alpha of [1, 1, height, width]"
         )
-    return session
+    properties = openvino.properties
+    with _loading(weights):
+        model = openvino.Model(model.get_results()[:1], model.get_parameters(), "alpha")
+        return openvino.Core().compile_model(
+            model,
+            "CPU",
+            {
+                properties.inference_num_threads: threads,
+                # Other steps may run beside this one, on cores that it cannot know.
+                properties.hint.enable_cpu_pinning: False,
+                properties.hint.enable_hyper_threading: True,
+            },
+        )
+
+
+@contextmanager
+def _loading(weights: Path) -> Iterator[None]:
+    """Say of what OpenVINO raises that the file is no model."""
+    try:
+        yield
+    except Exception as error:  # its own classes share no other base
+        raise InputError(
+            f"{weights}: cannot be loaded as an ONNX model; it may be truncated: {explain(error)}"
+        ) from error
+
+
+def _describe(port: "ConstOutput") -> tuple[str, list[int | None]]:
+    """Type and shape of an input or output; None for a side that is not fixed."""
+    sides = port.partial_shape
+    if sides.rank.is_dynamic:
+        return port.element_type.get_type_name(), []
+    return port.element_type.get_type_name(), [
+        side.get_length() if side.is_static else None for side in sides
+    ]
 
 
 def _suits(taken: Sequence[tuple[str, Any]], given: Sequence[tuple[str, Any]]) -> bool:
@@ -99,25 +129,29 @@ def _suits(taken: Sequence[tuple[str, Any]], given: Sequence[tuple[str, Any]]) -
     return fixed and given[0][1][1:] == [1, *shape[2:]]
 
 
-def _ask(session: "InferenceSession", model: str, shown: np.ndarray) -> np.ndarray:
+def _ask(model: "CompiledModel", name: str, shown: np.ndarray) -> np.ndarray:
     """Alpha [height, width] of a photograph [1, 3, height, width]."""
-    taken, given = session.get_inputs()[0].name, session.get_outputs()[0].name
-    with reading(model, "a foreground model"):
-        alpha = session.run([given], {taken: shown})[0]
+    with reading(name, "a foreground model"):
+        alpha = model([shown])[0]
     if alpha.shape != (1, 1, *shown.shape[2:]) or not np.isfinite(alpha).all():
         raise InputError(
-            f"{model}: gives {list(alpha.shape)} or what is not finite; should give the alpha of "
+            f"{name}: gives {list(alpha.shape)} or what is not finite; should give the alpha of "
             f"{list(shown.shape[2:])} pixels"
         )
     return alpha[0, 0]
 
 
-def _import_onnxruntime():
+def _import_openvino():
+    """OpenVINO, without the package by which it tells its makers that it was imported.
+
+    It goes without that package where it is not found.
+    """
+    sys.modules.setdefault("openvino_telemetry", None)
     try:
-        import onnxruntime
+        import openvino
     except ImportError as error:
         raise InputError(
-            "silhouettes 'matting': onnxruntime is not installed; `pip install -e '.[matting]'` "
+            "silhouettes 'matting': openvino is not installed; `pip install -e '.[matting]'` "
             "installs it"
         ) from error
-    return onnxruntime
+    return openvino
