@@ -7,7 +7,8 @@ half-angle of 15 degrees, so it fills about 70 % of the frame's width, turned a 
 view. One size is varied at a time around 2,700 faces, 256 x 256 pixels and 8 views. Times are in
 milliseconds a view: median and quartiles of the repeats; ``both`` is forward and backward together.
 ``cpu`` is the processor time of both, summed over threads, which a busy machine disturbs less.
-``growth`` holds the exponents p of time ~ size^p, fitted in logarithms.
+``growth`` holds the exponents p of time ~ size^p, fitted in logarithms. ``last_level`` is of 72
+views at the sigma of a fit's last steps.
 """
 
 import argparse
@@ -26,6 +27,7 @@ import torch
 from scipy.spatial import ConvexHull
 
 from silmesh.cameras.turntable import turntable_cameras
+from silmesh.settings.fit import SOFTNESS
 from silmesh.softras import soft_silhouettes
 
 BASE = {"faces": 2700, "pixels": 256, "views": 8}
@@ -49,7 +51,7 @@ def make_sphere(faces: int) -> tuple[np.ndarray, torch.Tensor]:
     return 0.5 * verts, torch.tensor(ConvexHull(verts).simplices, dtype=torch.int64)
 
 
-def measure(faces: int, pixels: int, views: int, repeats: int) -> dict:
+def measure(faces: int, pixels: int, views: int, repeats: int, sigma: float = 1e-4) -> dict:
     """Times in milliseconds a view of one scene."""
     verts, triangles = make_sphere(faces)
     cameras = turntable_cameras([f"{i}" for i in range(views)], pixels, 2.732, 0, 5)
@@ -59,7 +61,7 @@ def measure(faces: int, pixels: int, views: int, repeats: int) -> dict:
     for _ in range(repeats + 2):  # the first two warm up
         points.grad = None
         start, worked = time.perf_counter(), time.process_time()
-        alpha = soft_silhouettes(points, triangles, (pixels, pixels), sigma=1e-4)
+        alpha = soft_silhouettes(points, triangles, (pixels, pixels), sigma)
         middle = time.perf_counter()
         alpha.backward(upstream)
         end = time.perf_counter()
@@ -71,6 +73,7 @@ def measure(faces: int, pixels: int, views: int, repeats: int) -> dict:
         "faces": len(triangles),
         "pixels": pixels,
         "views": views,
+        "sigma": sigma,
         "repeats": repeats,
         **{
             name: {"median": round(q[1], 3), "quartiles": [round(q[0], 3), round(q[2], 3)]}
@@ -163,6 +166,8 @@ def main() -> None:
         report["growth"]["pixels (their number)" if name == "pixels" else name] = fit_growth(
             name, rows
         )
+    sigma = (2 * SOFTNESS / BASE["pixels"]) ** 2
+    report["last_level"] = measure(**{**BASE, "views": 72}, repeats=9, sigma=sigma)
     report["memory"] = [
         measure_peak_memory(*scene) for scene in MEMORY[: 1 if quick else len(MEMORY)]
     ]

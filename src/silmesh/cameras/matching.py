@@ -23,7 +23,7 @@ OVERLAP = 10  # neighbours on either side that are matched in an ordered capture
 STILL = 2.0  # pixels: a feature that moves less between two views may belong to the background
 # Most reports of progress, each of which costs anew what is prepared of a photograph for all its
 # pairs, and least number of pairs between two of them.
-TOLD, FEWEST = 5, 32
+TOLD, FEWEST = 5, 320
 TRIALS = 2000  # of RANSAC for a pair's geometry: enough for 45 % of inliers among the matches
 
 
