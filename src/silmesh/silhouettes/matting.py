@@ -21,7 +21,7 @@ from silmesh.silhouettes.weights import find_weights
 from silmesh.views import View, read_photograph
 
 if TYPE_CHECKING:
-    from openvino import CompiledModel, ConstOutput
+    from openvino import CompiledModel, ConstOutput, Model
 
 
 FLOAT = "f32"  # as OpenVINO calls it
@@ -82,19 +82,25 @@ def open_model(weights: Path, threads: int) -> "CompiledModel":
             f"{shorten(given)}; should take one image of [1, 3, height, width] in float, of a "
             "fixed size, and give its alpha of [1, 1, height, width]"
         )
-    properties = openvino.properties
     with _loading(weights):
-        model = openvino.Model(model.get_results()[:1], model.get_parameters(), "alpha")
-        return openvino.Core().compile_model(
-            model,
-            "CPU",
-            {
-                properties.inference_num_threads: threads,
-                # Other steps may run beside this one, on cores that it cannot know.
-                properties.hint.enable_cpu_pinning: False,
-                properties.hint.enable_hyper_threading: True,
-            },
-        )
+        alone = openvino.Model(model.get_results()[:1], model.get_parameters(), "alpha")
+        return _compile(alone, threads)
+
+
+def _compile(model: "Model", threads: int) -> "CompiledModel":
+    """A model for so many threads of the CPU, in bfloat16 where that computes in it."""
+    openvino = _import_openvino()
+    core, properties = openvino.Core(), openvino.properties
+    capable = "BF16" in core.get_property("CPU", properties.device.capabilities)
+    settings = {
+        # OpenVINO's own choice may be half precision, whose range is small.
+        properties.hint.inference_precision: openvino.Type.bf16 if capable else openvino.Type.f32,
+        # Other steps may run beside this one, on cores that it cannot know.
+        properties.hint.enable_cpu_pinning: False,
+        properties.hint.enable_hyper_threading: True,
+        properties.inference_num_threads: threads,
+    }
+    return core.compile_model(model, "CPU", settings)
 
 
 @contextmanager
