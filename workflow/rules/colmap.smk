@@ -119,9 +119,10 @@ rule colmap_attempt:
     params:
         settings=lambda w: settings(with_colmap(w).settings.colmap),
         which=lambda w, input: "--unless" if input.unless else "--masked",
+        looked_at=lambda w, input: "all" if input.unless else "the object's",
         code=code_digest("silmesh.steps.colmap_attempt"),
     message:
-        "{wildcards.object}: finding cameras by COLMAP"
+        "{wildcards.object}: finding cameras by {params.looked_at} features"
     shell:
         "python -m silmesh.steps colmap_attempt --features {input.features:q}"
         " --views {input.views:q} --silhouettes {input.silhouettes:q}"
