@@ -231,6 +231,20 @@ def _believe(found: _Found, views: _Views, keep_world: bool, resolution: int) ->
     return again._replace(disbelieved=shares)
 
 
+def normalise_small(
+    attempt: Attempt, silhouettes: np.ndarray, frames: np.ndarray | None = None
+) -> Normalised:
+    """``normalise`` for an attempt's cameras, in images of ``LARGEST`` pixels at most.
+
+    Judging asks for no more detail.
+    """
+    cameras = attempt.cameras
+    if max(silhouettes.shape[1:]) > LARGEST:
+        frames = shrink_frames(silhouettes, LARGEST, frames)
+        silhouettes, cameras = shrink(silhouettes, cameras, LARGEST)
+    return normalise(cameras, silhouettes, frames=frames, points=attempt.points)
+
+
 def refuse_incoherent(
     attempt: Attempt, silhouettes: np.ndarray, frames: np.ndarray | None = None
 ) -> Attempt:
@@ -242,12 +256,8 @@ def refuse_incoherent(
     """
     if attempt.cameras is None:
         return attempt
-    cameras = attempt.cameras
-    if max(silhouettes.shape[1:]) > LARGEST:  # judging asks for no more detail
-        frames = shrink_frames(silhouettes, LARGEST, frames)
-        silhouettes, cameras = shrink(silhouettes, cameras, LARGEST)
     try:
-        normalised = normalise(cameras, silhouettes, frames=frames, points=attempt.points)
+        normalised = normalise_small(attempt, silhouettes, frames)
     except InputError as error:
         why = f"cameras {attempt.source!r}: {error}"
         return replace(attempt, cameras=None, refusal=why)

@@ -30,6 +30,7 @@ from silmesh.geometry.thresholds import COHERENT
 from silmesh.progress import Share, untold, within
 from silmesh.scene.agreement import NEAR, refuse_incoherent
 from silmesh.scene.joined import join_attempts
+from silmesh.scene.shared_background import place_by_sound_views
 from silmesh.scene.sparing import spare
 from silmesh.settings.cameras import Colmap
 from silmesh.views import View
@@ -39,6 +40,7 @@ SOURCE, MASKED = "colmap", "colmap, masked"
 # Whether features are masked, attempt by attempt. Those on the object are fewer, so they take less
 # time, and hold nothing of a background that stands still while the object turns.
 ORDER = {"none": (False,), "silhouettes": (True,), "auto": (True, False)}
+MATCHES = "matches"  # the folder of the stage in which photographs are matched
 SET = 0.3  # of the largest model's views: a model apart that has fewer is a splinter, and no set
 MATCHED = 0.6  # share of the run time after which the photographs are matched, for the progress
 
@@ -91,7 +93,7 @@ def find_model(
         settings: which pairs are matched, how they are mapped, and the seed
         scratch: an existing folder for the stages
     """
-    matches, model = scratch / "matches", scratch / "model"
+    matches, model = scratch / MATCHES, scratch / "model"
     make_stage(
         matches,
         read_report(features),
@@ -270,4 +272,13 @@ def attempt_features(
         )
         features = inside
     model = find_model(features, settings, threads, scratch, progress)
-    return judge_model(MASKED if masked else SOURCE, model, views, silhouettes, pictures)
+
+    def judge(model: Path) -> Attempt:
+        source = MASKED if masked else SOURCE
+        return judge_model(source, model, views, silhouettes, pictures)
+
+    attempt = judge(model)
+    if not masked:
+        return attempt
+    matches = scratch / MATCHES
+    return place_by_sound_views(attempt, matches, settings, scratch, views, silhouettes, judge)
