@@ -19,7 +19,7 @@ from silmesh.cameras.attempt import Attempt
 from silmesh.cameras.colmap import attempt_model
 from silmesh.cameras.mapping import map_views
 from silmesh.cameras.matching import forget_pairs, read_names
-from silmesh.cameras.stages import DATABASE, MODEL, Report, make_stage, read_report
+from silmesh.cameras.stages import DATABASE, LARGEST, MODEL, Report, make_stage, read_report
 from silmesh.errors import InputError, name_some
 from silmesh.geometry.camera import Cameras
 from silmesh.scene.agreement import normalise_small
@@ -57,7 +57,9 @@ def place_by_sound_views(
     if attempt.cameras is None or len(contradicted) < 2:
         return attempt
     model = _map_without_shared(matches, contradicted, settings, scratch)
-    mapped = attempt_model(attempt.source, model / MODEL, read_report(model), views)
+    # A model that was completed may have been so by what the views share.
+    own = model / (LARGEST if (model / LARGEST).is_dir() else MODEL)
+    mapped = attempt_model(attempt.source, own, read_report(model), views)
     if not _find_elsewhere(attempt, mapped, contradicted):
         return attempt
     again = judge(model)
@@ -69,10 +71,11 @@ def place_by_sound_views(
     before, after = (_agree(one, common, views, silhouettes) for one in (attempt, again))
     if after <= before:
         return attempt
+    moved = name_some([repr(view) for view in elsewhere])
     said = (
         f"cameras {attempt.source!r}: what {len(contradicted)} views share, whose silhouettes the "
-        f"others contradict, is not looked at, for it places {name_some(list(map(repr, elsewhere)))}"
-        " elsewhere than the other views do: it may be a background that stood still"
+        f"others contradict, is not looked at, for it places {moved} elsewhere than the other "
+        "views do: it may be a background that stood still"
     )
     return replace(again, warnings=(*again.warnings, said))
 
