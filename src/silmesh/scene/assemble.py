@@ -19,6 +19,7 @@ from silmesh.scene.diagnosis import MEASURED, diagnose
 from silmesh.scene.outliers import LEAST
 from silmesh.scene.reorientation import Reoriented, reorient
 from silmesh.scene.scene import Scene
+from silmesh.scene.shown import Shown
 from silmesh.views import View
 
 
@@ -60,7 +61,7 @@ def build_scene(
     Raises:
         InputError: no attempt gives cameras that can be used; says why, and what was measured
     """
-    shown = _Shown(views, silhouettes)
+    shown = Shown(views, silhouettes)
     named = zip(attempts, names or [attempt.source for attempt in attempts], strict=True)
     settled = [_normalise(attempt, name, shown, keep_world) for attempt, name in named]
     attempts, normalised = [attempt for attempt, _ in settled], [cameras for _, cameras in settled]
@@ -97,24 +98,8 @@ def build_scene(
     return Assembled(scene, best.undistorted, taken, attempt)
 
 
-class _Shown:
-    """What all views show: silhouettes [views, size, size], to be had of some by their names."""
-
-    def __init__(self, views: Sequence[View], silhouettes: np.ndarray):
-        self._positions = {view.view: position for position, view in enumerate(views)}
-        self._all = silhouettes
-        self._frames = np.array([view.frame for view in views])
-
-    def silhouettes(self, views: Sequence[str]) -> np.ndarray:
-        return self._all[[self._positions[view] for view in views]]
-
-    def frames(self, views: Sequence[str]) -> np.ndarray:
-        """Left, top, right and bottom of their photographs in the working images: [n, 4]."""
-        return self._frames[[self._positions[view] for view in views]]
-
-
 def _normalise(
-    attempt: Attempt, name: str, shown: _Shown, keep_world: bool
+    attempt: Attempt, name: str, shown: Shown, keep_world: bool
 ) -> tuple[Attempt, Normalised | None]:
     """An attempt and its cameras in the normalised world; None, and why, if it gives none."""
     if attempt.cameras is None:

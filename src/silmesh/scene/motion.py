@@ -31,6 +31,7 @@ from silmesh.progress import Share, untold, within
 from silmesh.scene.agreement import NEAR, refuse_incoherent
 from silmesh.scene.joined import join_attempts
 from silmesh.scene.shared_background import place_by_sound_views
+from silmesh.scene.shown import Shown
 from silmesh.scene.sparing import spare
 from silmesh.settings.cameras import Colmap
 from silmesh.views import View
@@ -237,10 +238,8 @@ def _judge(
     attempt = attempt_model(source, model, report, views)
     if attempt.cameras is None:
         return attempt
-    positions = {view.view: position for position, view in enumerate(views)}
-    kept = [positions[view] for view in attempt.cameras.views]
-    frames = np.array([views[position].frame for position in kept])
-    return refuse_incoherent(attempt, silhouettes[kept], frames)
+    shown, named = Shown(views, silhouettes), attempt.cameras.views
+    return refuse_incoherent(attempt, shown.silhouettes(named), shown.frames(named))
 
 
 def attempt_features(

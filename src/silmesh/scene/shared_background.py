@@ -23,6 +23,7 @@ from silmesh.cameras.stages import DATABASE, LARGEST, MODEL, Report, make_stage,
 from silmesh.errors import InputError, name_some
 from silmesh.geometry.camera import Cameras
 from silmesh.scene.agreement import normalise_small
+from silmesh.scene.shown import Shown
 from silmesh.settings.cameras import Colmap
 from silmesh.views import View
 
@@ -68,7 +69,8 @@ def place_by_sound_views(
     if not elsewhere or not sound <= set(again.cameras.views):
         return attempt
     common = [view for view in again.cameras.views if view in set(attempt.cameras.views)]
-    before, after = (_agree(one, common, views, silhouettes) for one in (attempt, again))
+    shown = Shown(views, silhouettes)
+    before, after = (_agree(one, common, shown) for one in (attempt, again))
     if after <= before:
         return attempt
     moved = name_some([repr(view) for view in elsewhere])
@@ -128,16 +130,11 @@ def find_elsewhere(before: Cameras, after: Cameras, asked: Sequence[str]) -> lis
     return names[~told & (angles > ELSEWHERE)].tolist()
 
 
-def _agree(
-    attempt: Attempt, common: Sequence[str], views: Sequence[View], silhouettes: np.ndarray
-) -> float:
+def _agree(attempt: Attempt, common: Sequence[str], shown: Shown) -> float:
     """The mean coherence of some views by an attempt's cameras; 0 if it cannot be measured."""
-    places = {view.view: i for i, view in enumerate(views)}
     named = attempt.cameras.views
-    rows = [places[view] for view in named]
-    frames = np.array([views[row].frame for row in rows])
     try:
-        found = normalise_small(attempt, silhouettes[rows], frames)
+        found = normalise_small(attempt, shown.silhouettes(named), shown.frames(named))
     except InputError:
         return 0.0
     return float(found.coherence[np.isin(named, common)].mean())
